@@ -1,0 +1,1 @@
+"""aeroskein core."""

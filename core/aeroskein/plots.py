@@ -1,0 +1,144 @@
+"""Plots: target reports as columns, the only shape in which reports travel through the core.
+
+One row is one sensor's statement about one target at one instant, in the units of the wire (degrees, metres,
+seconds), because that is what the sensor said; conversion to the fusion plane happens once, in ``geodesy``.
+A missing number is NaN, a missing integer -1, a missing string empty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["ON_GROUND", "SIMULATED", "SPI", "Array", "Bools", "Ints", "Plots"]
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+
+# Bits of the ``flags`` column.
+ON_GROUND: Final = 1
+SIMULATED: Final = 2
+SPI: Final = 4
+
+_DTYPES: Final[dict[str, tuple[Any, Any]]] = {
+    "sensor": (np.int16, 0),
+    "address": (np.int32, -1),
+    "mode_a": (np.int16, -1),
+    "callsign": ("S8", b""),
+    "local_track": (np.int64, -1),
+    "nac_p": (np.int8, -1),
+    "nac_v": (np.int8, -1),
+    "nic": (np.int8, -1),
+    "sil": (np.int8, -1),
+    "flags": (np.uint8, 0),
+}
+
+
+@dataclass(slots=True, eq=False)
+class Plots:
+    """Target reports, one row each; every column has shape ``(n,)``.
+
+    Attributes
+    ----------
+    time_s : float64
+        Time of applicability as the sensor states it. [s since the epoch, UTC]
+    received_s : float64
+        When the report reached us. [s since the epoch, UTC]
+    sensor : int16
+        Index of the sensor in the engine's table.
+    address : int32
+        ICAO 24-bit address, -1 where absent.
+    mode_a : int16
+        Mode 3/A code as a number (octal ``"7700"`` is 4032), -1 where absent.
+    callsign : S8
+        Aircraft identification, empty where absent.
+    local_track : int64
+        The sensor's own track number, -1 where absent.
+    lat_deg, lon_deg : float64
+        WGS-84 position. [deg]
+    range_m, azimuth_deg, elevation_deg : float64
+        Slant range, azimuth clockwise from true north, elevation, seen from the sensor. [m, deg, deg]
+    altitude_m, height_m : float64
+        Pressure altitude; geometric height above the ellipsoid. [m]
+    ground_speed_mps, track_angle_deg, vertical_rate_mps, heading_deg : float64
+        Velocity over ground. [m/s, deg]
+    nac_p, nac_v, nic, sil : int8
+        ADS-B quality indicators, -1 where absent.
+    position_sigma_m, velocity_sigma_mps : float64
+        One sigma per axis as reported. [m, m/s]
+    flags : uint8
+        ``ON_GROUND | SIMULATED | SPI``.
+    """
+
+    time_s: Array
+    received_s: Array
+    sensor: NDArray[np.int16]
+    address: NDArray[np.int32]
+    mode_a: NDArray[np.int16]
+    callsign: NDArray[np.bytes_]
+    local_track: Ints
+    lat_deg: Array
+    lon_deg: Array
+    range_m: Array
+    azimuth_deg: Array
+    elevation_deg: Array
+    altitude_m: Array
+    height_m: Array
+    ground_speed_mps: Array
+    track_angle_deg: Array
+    vertical_rate_mps: Array
+    heading_deg: Array
+    nac_p: NDArray[np.int8]
+    nac_v: NDArray[np.int8]
+    nic: NDArray[np.int8]
+    sil: NDArray[np.int8]
+    position_sigma_m: Array
+    velocity_sigma_mps: Array
+    flags: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @classmethod
+    def of(cls, n: int, **columns: Any) -> Self:
+        """Make ``n`` rows from the given columns; a column not named is missing throughout.
+
+        A scalar is repeated. Raises ``TypeError`` for a name that is no column and ``ValueError`` for a column
+        whose length is not ``n``.
+        """
+        made: dict[str, Any] = {}
+        for field in fields(cls):
+            dtype, missing = _DTYPES.get(field.name, (np.float64, np.nan))
+            value = columns.pop(field.name, None)
+            if value is None:
+                made[field.name] = np.full(n, missing, dtype=dtype)
+                continue
+            column = np.asarray(value, dtype=dtype)
+            if column.ndim == 0:
+                column = np.full(n, column, dtype=dtype)
+            if column.shape != (n,):
+                raise ValueError(f"column {field.name} has shape {column.shape}, expected ({n},)")
+            made[field.name] = column
+        if columns:
+            raise TypeError(f"Plots has no column {sorted(columns)[0]!r}")
+        return cls(**made)
+
+    def take(self, rows: NDArray[Any]) -> Self:
+        """The given rows (an index array or a boolean mask), in that order."""
+        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+    @classmethod
+    def concatenate(cls, parts: Sequence[Self]) -> Self:
+        """One set of rows from several, in order; no parts give no rows."""
+        if not parts:
+            return cls.of(0)
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )

@@ -1,0 +1,1 @@
+"""The networked shell around the fusion core: configuration, codec, Zenoh transport, commands."""
