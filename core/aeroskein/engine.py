@@ -27,9 +27,7 @@ class ElementRecord:
 class FusionEngine:
     """Reports in, fused points out. Time is an argument (seconds since the epoch, UTC)."""
 
-    def __init__(
-        self, settings: EngineSettings, *, epoch_ms: int, first_track_number: int = 1
-    ) -> None:
+    def __init__(self, settings: EngineSettings, *, epoch_ms: int, first_track_number: int = 1) -> None:
         self.settings = settings
         self.epoch_ms = epoch_ms
 

@@ -131,8 +131,6 @@ class FusedPoints:
         if len(parts) == 1:
             return parts[0]
         columns = {
-            f.name: np.concatenate([getattr(p, f.name) for p in parts])
-            for f in fields(cls)
-            if f.name != "product"
+            f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls) if f.name != "product"
         }
         return cls(product=parts[0].product, **columns)

@@ -104,16 +104,13 @@ class SensorSettings:
             "time_bias_sigma_s",
         )
         _require(
-            self.time_sigma_s is None
-            or (math.isfinite(self.time_sigma_s) and self.time_sigma_s >= 0.0),
+            self.time_sigma_s is None or (math.isfinite(self.time_sigma_s) and self.time_sigma_s >= 0.0),
             f"{prefix}.time_sigma_s",
             f"expected 0 or more, got {self.time_sigma_s}",
         )
         if self.is_radar:
             for name in ("lat_deg", "lon_deg", "height_m"):
-                _require(
-                    getattr(self, name) is not None, f"{prefix}.{name}", "a radar needs its site"
-                )
+                _require(getattr(self, name) is not None, f"{prefix}.{name}", "a radar needs its site")
         _require(
             self.lat_deg is None or -90.0 <= self.lat_deg <= 90.0,
             f"{prefix}.lat_deg",
@@ -163,9 +160,7 @@ class FusionSettings:
             "fusion.element_s",
             f"expected 0.5 to 30 s, got {self.element_s}",
         )
-        _require(
-            0 <= self.lookahead <= 5, "fusion.lookahead", f"expected 0 to 5, got {self.lookahead}"
-        )
+        _require(0 <= self.lookahead <= 5, "fusion.lookahead", f"expected 0 to 5, got {self.lookahead}")
         _require(
             math.isfinite(self.watermark_s) and 0.0 <= self.watermark_s <= 10.0,
             "fusion.watermark_s",
