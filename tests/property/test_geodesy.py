@@ -1,9 +1,10 @@
 """Properties of the fusion plane that hold everywhere on the globe."""
 
 import numpy as np
-from aeroskein import ellipsoid, geodesy
 from hypothesis import given
 from hypothesis import strategies as st
+
+from aeroskein import ellipsoid, geodesy
 
 latitudes = st.floats(-90.0, 90.0)
 longitudes = st.floats(-180.0, 180.0)

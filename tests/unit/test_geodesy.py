@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from aeroskein import ellipsoid, geodesy
 from pyproj import Geod, Transformer
+
+from aeroskein import ellipsoid, geodesy
 
 ORIGINS = [(0.0, 0.0), (48.25, 11.75), (-33.0, 151.0), (89.9, 40.0), (-89.9, 0.0), (90.0, 0.0), (52.0, -180.0)]
 GEOD = Geod(ellps="WGS84")

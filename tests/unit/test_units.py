@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from aeroskein import units
 
 
@@ -28,4 +29,4 @@ def test_a_knot_is_a_nautical_mile_an_hour() -> None:
 
 
 def test_six_thousand_feet_a_minute_are_thirty_and_a_half_metres_a_second() -> None:
-    assert 6000 * units.FOOT_PER_MINUTE_MPS == pytest.approx(30.48)
+    assert pytest.approx(30.48) == 6000 * units.FOOT_PER_MINUTE_MPS
