@@ -1,0 +1,1 @@
+"""The shell around ``aeroskein.evaluation``: reads fused, truth and report files, prints tables, writes the report."""
