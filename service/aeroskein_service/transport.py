@@ -150,16 +150,8 @@ class Session:
         return not self._session.is_closed() and bool(self._session.info.routers_zid())
 
     def put(self, key: str, payload: bytes, encoding: str) -> None:
-        """Put once; for repeated puts see ``publisher``."""
+        """Put once; for many keys see ``Publisher``."""
         self._session.put(key, payload, encoding=encoding, congestion_control=zenoh.CongestionControl.DROP)
-
-    def publisher(self, encoding: str) -> Publisher:
-        """For many keys, put often."""
-        return Publisher(self._session, encoding)
-
-    def feed_publisher(self, key: str, encoding: str) -> FeedPublisher:
-        """For one key that subscribers must be able to follow without loss."""
-        return FeedPublisher(self._session, key, encoding, FEED_CACHE)
 
     def watched_publisher(self, key: str, on_matching: Callable[[bool], None]) -> None:
         """Tell ``on_matching`` whenever the first subscriber of ``key`` comes or the last one goes."""
@@ -242,34 +234,45 @@ class Answer:
 
 
 class Publisher:
-    """Puts to many keys with DROP: a key expression is parsed once, which halves the cost of a put."""
+    """Puts to many keys with DROP: a key expression is parsed once, which halves the cost of a put.
 
-    def __init__(self, session: zenoh.Session, encoding: str) -> None:
-        self._put = session.put
+    Parameters
+    ----------
+    session : Session
+        Where to put.
+    encoding : str
+        Of all payloads.
+    key_of : callable
+        Spells the key of a code that has not been seen before.
+    """
+
+    def __init__(self, session: Session, encoding: str, key_of: Callable[[int], str]) -> None:
+        self._put = session._session.put
         self._encoding = zenoh.Encoding(encoding)
-        self._keys: dict[str, zenoh.KeyExpr] = {}
+        self._key_of = key_of
+        self._keys: dict[int, zenoh.KeyExpr] = {}
 
-    def put(self, keys: Sequence[str], payloads: Sequence[bytes]) -> None:
-        """Put payload by payload to its key."""
+    def put(self, codes: Iterable[int], payloads: Iterable[bytes]) -> None:
+        """Put payload by payload to the key of its code."""
         known, put, encoding, drop = self._keys, self._put, self._encoding, zenoh.CongestionControl.DROP
-        for key, payload in zip(keys, payloads, strict=True):
-            expression = known.get(key)
+        for code, payload in zip(codes, payloads, strict=True):
+            expression = known.get(code)
             if expression is None:
-                expression = known[key] = zenoh.KeyExpr(key)
+                expression = known[code] = zenoh.KeyExpr(self._key_of(code))
             put(expression, payload, encoding=encoding, congestion_control=drop)
 
-    def forget(self, keys: Iterable[str]) -> None:
-        """These keys will not be used again."""
-        for key in keys:
-            self._keys.pop(key, None)
+    def forget(self, codes: Iterable[int]) -> None:
+        """These codes will not come again."""
+        for code in codes:
+            self._keys.pop(code, None)
 
 
 class FeedPublisher:
     """Puts to one key and keeps the last ``cache`` payloads, so that a recovering subscriber loses none."""
 
-    def __init__(self, session: zenoh.Session, key: str, encoding: str, cache: int) -> None:
+    def __init__(self, session: Session, key: str, encoding: str, cache: int = FEED_CACHE) -> None:
         self._publisher = ext.declare_advanced_publisher(
-            session,
+            session._session,
             key,
             encoding=encoding,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -297,7 +300,7 @@ class SensorPublisher(FeedPublisher):
     """
 
     def __init__(self, session: Session, key: str, encoding: str = "application/msgpack") -> None:
-        super().__init__(session._session, key, encoding, SENSOR_CACHE)
+        super().__init__(session, key, encoding, SENSOR_CACHE)
 
 
 class Question:
