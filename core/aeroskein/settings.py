@@ -28,6 +28,18 @@ SensorKind = Literal["adsb", "ssr", "psr", "wam"]
 SENSOR_ID: Final = re.compile(r"[a-z0-9_-]{1,32}")
 RADAR_KINDS: Final = ("ssr", "psr")
 
+# Impossible outside: a bias beyond these is a fault of the installation, not of the calibration.
+_SENSOR_LIMITS: Final = (
+    ("lat_deg", -90.0, 90.0),
+    ("lon_deg", -180.0, 180.0),
+    ("height_m", -1000.0, 20_000.0),
+    ("range_bias_m", -50_000.0, 50_000.0),
+    ("azimuth_bias_deg", -180.0, 180.0),
+    ("time_bias_s", -60.0, 60.0),
+    ("range_gain", -0.5, 0.5),
+    ("range_max_m", 1.0, 1.0e6),
+)
+
 
 def _require(condition: bool, key: str, expected: str) -> None:
     if not condition:
@@ -111,16 +123,13 @@ class SensorSettings:
         if self.is_radar:
             for name in ("lat_deg", "lon_deg", "height_m"):
                 _require(getattr(self, name) is not None, f"{prefix}.{name}", "a radar needs its site")
-        _require(
-            self.lat_deg is None or -90.0 <= self.lat_deg <= 90.0,
-            f"{prefix}.lat_deg",
-            f"expected -90 to 90, got {self.lat_deg}",
-        )
-        _require(
-            self.lon_deg is None or -180.0 <= self.lon_deg <= 180.0,
-            f"{prefix}.lon_deg",
-            f"expected -180 to 180, got {self.lon_deg}",
-        )
+        for name, low, high in _SENSOR_LIMITS:
+            value = getattr(self, name)
+            _require(
+                value is None or low <= value <= high,
+                f"{prefix}.{name}",
+                f"expected {low:g} to {high:g}, got {value}",
+            )
 
     @property
     def is_radar(self) -> bool:
@@ -244,6 +253,23 @@ class AssociationSettings:
 
     def __post_init__(self) -> None:
         _positive(self, "association", "coarse_gate_m")
+        size = len(self.pairwise[0]) if self.pairwise else 0
+        _require(
+            size == 4
+            and len(self.pairwise) == size
+            and all(len(row) == size and all(math.isfinite(u) and u > 0.0 for u in row) for row in self.pairwise),
+            "association.pairwise",
+            "expected 4 rows of 4 numbers above 0",
+        )
+        _require(
+            all(
+                math.isclose(self.pairwise[i][j] * self.pairwise[j][i], 1.0, rel_tol=0.02)
+                for i in range(size)
+                for j in range(size)
+            ),
+            "association.pairwise",
+            "expected u_ji = 1 / u_ij and 1 on the diagonal",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
