@@ -1,0 +1,267 @@
+"""The simulator: truth and reports of a whole scenario, chunk by chunk, in order of arrival.
+
+What comes out depends on the settings only: not on how the time is cut into chunks, and not on which of the sensors
+are asked for, so several processes can each play one sensor of the same scenario.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from aeroskein.plots import Array, Plots
+from aeroskein.settings import SensorSettings
+from aeroskein.simulation.radar import RadarSensor
+from aeroskein.simulation.settings import SimulationSettings
+from aeroskein.simulation.squitters import PositionSensor
+from aeroskein.simulation.traffic import BLOCK_S
+from aeroskein.simulation.trajectory import Fleet
+from aeroskein.simulation.truth import Motion, TruthStates
+
+__all__ = ["Chunk", "MotionWithTruth", "SensorModel", "in_chunks", "sensor_models", "simulate", "truth_by_track"]
+
+# Rows of truth that are held in memory at a time when a truth file is written: about 300 MB.
+TRUTH_ROWS: Final = 2_000_000
+
+# Ranges of slots begin at a multiple of this, so that no pair and no formation of three is torn apart.
+SLOT_STEP: Final = 6
+
+SensorModel = PositionSensor | RadarSensor
+
+
+class MotionWithTruth(Motion, Protocol):
+    """A block of motion whose truth can be asked for."""
+
+    def truth(self, time_s: Array) -> TruthStates:
+        """Truth of all aircraft at the given times inside the block, ordered by time."""
+        ...
+
+
+@dataclass(slots=True, eq=False)
+class Chunk:
+    """What happened up to a time.
+
+    Attributes
+    ----------
+    until_s : float
+        All reports that arrive before this have been given out. [s since the epoch]
+    plots : Plots
+        The reports that arrived since the last chunk, in order of arrival.
+    truth : TruthStates, optional
+        The truth since the last chunk, ordered by time, then slot; None where it was not asked for.
+    """
+
+    until_s: float
+    plots: Plots
+    truth: TruthStates | None
+
+
+def sensor_models(
+    settings: SimulationSettings,
+    sensors: tuple[SensorSettings, ...],
+    *,
+    start_s: float,
+    slots: int,
+    only: Collection[str] | None = None,
+) -> list[SensorModel]:
+    """One model per sensor, or per sensor in ``only``. Raises ``UnknownSensorError``."""
+    settings.check_sensors(sensors)
+    models: list[SensorModel] = []
+    for index, sensor in enumerate(sensors):
+        if only is None or sensor.id in only:
+            kind = RadarSensor if sensor.is_radar else PositionSensor
+            errors = settings.errors_of(sensor.id)
+            models.append(kind(sensor, index, errors, seed=settings.seed, start_s=start_s, slots=slots))
+    return models
+
+
+class _Arrivals:
+    """Reports that are under way, given out in order of arrival."""
+
+    def __init__(self) -> None:
+        self._waiting = Plots.of(0)
+
+    def put(self, parts: list[Plots]) -> None:
+        """Add reports in any order."""
+        joined = Plots.concatenate([self._waiting, *parts])
+        self._waiting = joined.take(np.argsort(joined.received_s, kind="stable"))
+
+    def take_until(self, until_s: float) -> Plots:
+        """The reports that arrive before a time."""
+        n = int(np.searchsorted(self._waiting.received_s, until_s, side="left"))
+        arrived = self._waiting.take(np.arange(n))
+        self._waiting = self._waiting.take(np.arange(n, len(self._waiting)))
+        return arrived
+
+
+class _TruthSamples:
+    """Truth samples on their own grid of times, given out chunk by chunk."""
+
+    def __init__(self, start_s: float, period_s: float) -> None:
+        self._start_s, self._period_s, self._next = start_s, period_s, 0
+        self._waiting: list[TruthStates] = []
+
+    def sample(self, block: MotionWithTruth) -> None:
+        """Take the samples that lie in a block."""
+        last = math.ceil((block.end_s - self._start_s) / self._period_s - 1e-9)
+        if last > self._next:
+            self._waiting.append(
+                block.truth(self._start_s + self._period_s * np.arange(self._next, last, dtype=np.float64))
+            )
+            self._next = last
+
+    def take_until(self, until_s: float) -> TruthStates | None:
+        """The samples before a time."""
+        if not self._waiting:
+            return None
+        joined = TruthStates.concatenate(self._waiting)
+        n = int(np.searchsorted(joined.time_s, until_s - 1e-9, side="left"))
+        self._waiting = [joined.take(np.arange(n, len(joined)))]
+        return joined.take(np.arange(n))
+
+
+def in_chunks(
+    blocks: Iterable[MotionWithTruth],
+    models: list[SensorModel],
+    *,
+    start_s: float,
+    end_s: float,
+    chunk_s: float,
+    truth_period_s: float | None = None,
+) -> Iterator[Chunk]:
+    """Measure blocks of motion, and give out what arrives from ``start_s`` to ``end_s``.
+
+    Ends with the blocks, or at ``end_s``: reports that are still under way then are not given out, as in a recording
+    that is stopped.
+    """
+    source = iter(blocks)
+    arrivals = _Arrivals()
+    samples = None if truth_period_s is None else _TruthSamples(start_s, truth_period_s)
+    done_s, number = start_s, 0
+    while True:
+        number += 1
+        until_s = min(start_s + number * chunk_s, end_s)
+        while done_s < until_s:
+            block = next(source, None)
+            if block is None:
+                return
+            arrivals.put([model.measure(block) for model in models])
+            if number == 1:
+                arrivals.take_until(start_s)  # the first block may begin before the start
+            if samples is not None:
+                samples.sample(block)
+            done_s = block.end_s
+        yield Chunk(until_s, arrivals.take_until(until_s), samples.take_until(until_s) if samples else None)
+        if until_s >= end_s:
+            return
+
+
+def simulate(
+    settings: SimulationSettings,
+    sensors: tuple[SensorSettings, ...],
+    *,
+    chunk_s: float = 1.0,
+    only: Collection[str] | None = None,
+    truth: bool = False,
+    start_s: float | None = None,
+    anchor_s: float | None = None,
+    endless: bool = False,
+) -> Iterator[Chunk]:
+    """Simulate a scenario.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+        Flights and errors.
+    sensors : tuple of SensorSettings
+        Sensors, in the order of the engine.
+    chunk_s : float
+        How much time one chunk covers. [s]
+    only : collection of str, optional
+        Ids of the sensors that are wanted; their reports are the same as with all of them.
+    truth : bool
+        Whether chunks carry the truth.
+    start_s : float, optional
+        When the scenario starts; absent: ``settings.start_s``. [s since the epoch]
+    anchor_s : float, optional
+        When the first flights begin; absent: at the start. What is flown is a function of the time since the anchor,
+        so simulations with the same anchor agree, whenever each of them starts. [s since the epoch]
+    endless : bool
+        Go on until the iterator is dropped, instead of for ``settings.duration_s``.
+
+    Yields
+    ------
+    Chunk
+        One per ``chunk_s``, the first one from ``start_s`` on.
+
+    Raises
+    ------
+    UnknownSensorError
+        Where errors are given for a sensor that does not exist.
+    """
+    start_s = settings.start_s if start_s is None else start_s
+    anchor_s = start_s if anchor_s is None else anchor_s
+    models = sensor_models(settings, sensors, start_s=start_s, slots=settings.aircraft, only=only)
+    return in_chunks(
+        _blocks(settings, sensors, start_s=start_s, anchor_s=anchor_s, endless=endless),
+        models,
+        start_s=start_s,
+        end_s=math.inf if endless else start_s + settings.duration_s,
+        chunk_s=chunk_s,
+        truth_period_s=settings.truth_period_s if truth else None,
+    )
+
+
+def truth_by_track(settings: SimulationSettings, sensors: tuple[SensorSettings, ...]) -> Iterator[TruthStates]:
+    """The truth of a scenario ordered by address, then time: the order of a truth file.
+
+    The flights are flown once more, some at a time, so that memory stays bounded however many there are.
+    """
+    samples = settings.duration_s / settings.truth_period_s
+    tile = SLOT_STEP * max(1, int(TRUTH_ROWS / samples) // SLOT_STEP)
+    for first in range(0, settings.aircraft, tile):
+        slots = range(first, min(first + tile, settings.aircraft))
+        start_s = settings.start_s
+        blocks = _blocks(settings, sensors, start_s=start_s, anchor_s=start_s, endless=False, slots=slots)
+        chunks = in_chunks(
+            blocks,
+            [],
+            start_s=start_s,
+            end_s=start_s + settings.duration_s,
+            chunk_s=settings.duration_s,
+            truth_period_s=settings.truth_period_s,
+        )
+        for chunk in chunks:
+            if chunk.truth is not None:
+                yield chunk.truth.by_track()
+
+
+def _blocks(
+    settings: SimulationSettings,
+    sensors: tuple[SensorSettings, ...],
+    *,
+    start_s: float,
+    anchor_s: float,
+    endless: bool,
+    slots: range | None = None,
+) -> Iterator[MotionWithTruth]:
+    """The blocks of a fleet from the one in which ``start_s`` lies."""
+    first = int((start_s - anchor_s) // BLOCK_S)
+    # Who is in the air now began within the last flight's length.
+    begin = max(0, first - math.ceil(settings.flight_s / BLOCK_S) - 1)
+    fleet = Fleet(
+        settings,
+        centre_deg=settings.centre_deg(sensors),
+        anchor_s=anchor_s,
+        span_s=settings.flight_s if endless else settings.duration_s,
+        begin_block=begin,
+        slots=slots,
+    )
+    for _ in range(begin, first):
+        fleet.advance()
+    while True:
+        yield fleet.advance()
