@@ -1,0 +1,117 @@
+"""Buffers: per aircraft, the reports that the element estimator may still need, in a ring of fixed depth.
+
+A ring keeps reports of all sensors of one aircraft in order of arrival; whoever reads them sorts by time. What lies
+behind the settled time of its track is done with and may be overwritten; a report that arrives behind it is late.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from aeroskein.measurements import COLUMN_COUNT, COLUMNS, Measurements
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.settings import EngineSettings
+
+__all__ = ["ReportBuffers", "ring_depth"]
+
+TIME: Final = COLUMNS.index("time_s")
+# Two reports of one sensor with the same time and place within this are the same report. [s], [m]
+SAME_TIME_S: Final = 1e-6
+SAME_PLACE_M: Final = 1e-3
+
+
+def ring_depth(settings: EngineSettings) -> int:
+    """Reports that a ring must hold: twice what the sensors send inside the longest open window.
+
+    The window reaches from the settled time (up to half an element before the open element) over the look-ahead to
+    the clock; elements are up to a quarter longer than set, and a track may change from long to short ones.
+    """
+    fusion = settings.fusion
+    rate = sum(1.0 / s.period_s for s in settings.sensors)
+    window_s = 1.25 * fusion.element_s * (fusion.lookahead + 2.5) + fusion.watermark_s + 2.0
+    slow = max((s.period_s for s in settings.sensors), default=1.0)
+    return 8 * math.ceil(min(max(2.0 * rate * window_s, 4.0 * window_s / slow, 24.0), 512.0) / 8.0)
+
+
+class ReportBuffers:
+    """Rings of all tracks: ``rows`` has shape ``(capacity, depth, COLUMN_COUNT)``."""
+
+    def __init__(self, capacity: int, depth: int) -> None:
+        self.depth = depth
+        self.rows = np.full((capacity, depth, COLUMN_COUNT), np.nan)
+        self.rows[:, :, TIME] = -np.inf
+        self._written = np.zeros(capacity, dtype=np.int64)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        more = ReportBuffers(capacity - len(self.rows), self.depth)
+        self.rows = np.concatenate([self.rows, more.rows])
+        self._written = np.concatenate([self._written, more._written])
+
+    def clear(self, slots: Ints) -> None:
+        """Empty the rings of tracks that ended or begin."""
+        self.rows[slots] = np.nan
+        self.rows[slots, :, TIME] = -np.inf
+        self._written[slots] = 0
+
+    def add(self, reports: Measurements, settled_s: Array) -> Bools:
+        """Store reports in order of arrival; rows of one track may follow each other.
+
+        Parameters
+        ----------
+        reports : Measurements
+            Sorted by slot; within a slot in any order.
+        settled_s : (n,) array
+            Settled time of each report's track; older entries may be overwritten, younger may not. [s]
+
+        Returns
+        -------
+        (n,) bool array
+            False where the ring had no room, because one aircraft sent more than its sensors' periods allow.
+        """
+        n = len(reports)
+        if n == 0:
+            return np.zeros(0, dtype=np.bool_)
+        slots = reports.slot
+        rank = ranks(slots)
+        position = (self._written[slots] + rank) % self.depth
+        free = (self.rows[slots, position, TIME] <= settled_s) & (rank < self.depth)
+        kept = np.flatnonzero(free)
+        # A refused report leaves no hole: positions are given again among those that are kept.
+        if len(kept) < n:
+            slots = slots[kept]
+            position = (self._written[slots] + ranks(slots)) % self.depth
+            free[kept] = self.rows[slots, position, TIME] <= settled_s[kept]
+            slots, position, kept = slots[free[kept]], position[free[kept]], kept[free[kept]]
+        else:
+            position = position[kept]
+        self.rows[slots, position] = reports.packed()[kept]
+        np.add.at(self._written, slots, 1)
+        return free
+
+    def holds(self, reports: Measurements) -> Bools:
+        """Which reports are already there: same sensor, same time, same place. Shape ``(n,)``."""
+        rows = self.rows[reports.slot]
+        same = np.abs(rows[:, :, TIME] - reports.time_s[:, None]) < SAME_TIME_S
+        for name, value in (("east_m", reports.east_m), ("north_m", reports.north_m)):
+            same &= np.abs(rows[:, :, COLUMNS.index(name)] - value[:, None]) < SAME_PLACE_M
+        same &= rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None]
+        return same.any(axis=1)
+
+    def earliest_s(self, slots: Ints) -> Array:
+        """Time of the oldest report in each ring, inf where empty. [s]"""
+        times = self.rows[slots, :, TIME]
+        return np.where(np.isneginf(times), np.inf, times).min(axis=1)
+
+
+def ranks(sorted_groups: Ints) -> Ints:
+    """0, 1, 2 … within each run of equal values of a sorted array ``(n,)``."""
+    n = len(sorted_groups)
+    starts = np.empty(n, dtype=np.bool_)
+    starts[:1] = True
+    np.not_equal(sorted_groups[1:], sorted_groups[:-1], out=starts[1:])
+    index = np.arange(n)
+    return index - np.maximum.accumulate(np.where(starts, index, 0))

@@ -1,0 +1,205 @@
+"""Closing elements: the windowed worker that divides each flight along its master track while it moves.
+
+Per track there is a row of boundaries (division points in time), the settled state behind which nothing changes any
+more, and the mode bank that runs in order of time. When the clock has passed the look-ahead's end by the watermark, the
+open element is closed: its reports are gathered, the manoeuvre detector runs over what is new, the estimator runs
+forward and back, the settled state moves on, and the next division point is laid as far ahead as the elements are long.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import manoeuvre
+from aeroskein.closed import Closed, Estimate
+from aeroskein.estimator import estimate
+from aeroskein.gating import GateMemory
+from aeroskein.mode_bank import ModeBank
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.settings import EngineSettings
+from aeroskein.windows import REPORT, Window, gather
+
+__all__ = ["ElementTable"]
+
+# Reports up to this much behind the look-ahead's end stay open to revision: the density of jerk at a report depends
+# on the four seconds behind it, and late reports up to four seconds must find their place. [s]
+REVISION_S: Final = 4.0
+# The window over which a manoeuvre detected somewhere counts: it began before it showed. [s]
+BEFORE_S: Final = 1.0
+AFTER_S: Final = 4.0
+# Elements follow the speed within this share of their set length, so that lag stays bounded.
+SHORTEST: Final = 0.8
+LONGEST: Final = 1.25
+# Slower than this an element is measured in time, not in distance. [m/s]
+SLOWEST_MPS: Final = 15.0
+# Sources faster than this allow the set element length; without any, elements are twice as long. [s]
+FAST_PERIOD_S: Final = 4.0
+
+
+class ElementTable:
+    """Open elements of all tracks, columns by slot.
+
+    ``boundaries_s (capacity, lookahead + 2)`` holds the division points from the start of the open element to the end
+    of its look-ahead; ``settled_s``, ``x``, ``P`` the settled state; ``index`` counts elements.
+    """
+
+    def __init__(self, settings: EngineSettings, capacity: int) -> None:
+        self._settings = settings
+        self._fast = np.array([s.period_s < FAST_PERIOD_S for s in settings.sensors])
+        sensors = len(settings.sensors)
+        self.open: Bools = np.zeros(capacity, dtype=np.bool_)
+        self.boundaries_s = np.full((capacity, settings.fusion.lookahead + 2), np.inf)
+        self.settled_s = np.full(capacity, -np.inf)
+        self.index: Ints = np.zeros(capacity, dtype=np.int64)
+        self.length_m = np.zeros(capacity)
+        self.states = np.zeros((capacity, 30))
+        self.gates = GateMemory.empty(capacity, sensors)
+        self.detector = ModeBank(capacity, sensors)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        more = ElementTable(self._settings, capacity - len(self.open))
+        for name in ("open", "boundaries_s", "settled_s", "index", "length_m", "states"):
+            setattr(self, name, np.concatenate([getattr(self, name), getattr(more, name)]))
+        self.gates = GateMemory(
+            np.concatenate([self.gates.misses, more.gates.misses]),
+            np.concatenate([self.gates.best_m2, more.gates.best_m2]),
+        )
+        self.detector.grow(capacity)
+
+    def start(self, slots: Ints, first_s: Array, not_before_s: Array, x: Array, P: Array) -> None:
+        """Begin the elements of confirmed tracks at their first report.
+
+        Parameters
+        ----------
+        slots : (n,) int64
+            Tracks.
+        first_s : (n,) array
+            Time of their first report, where ``x (6, n)`` and ``P (24, n)`` hold. [s since the epoch]
+        not_before_s : (n,) array
+            End of what was published before a restart; no element starts earlier. [s since the epoch]
+        """
+        fusion = self._settings.fusion
+        start_s = np.maximum(first_s, not_before_s)
+        steps = fusion.element_s * np.arange(fusion.lookahead + 2)
+        self.open[slots] = True
+        self.boundaries_s[slots] = start_s[:, None] + steps
+        self.settled_s[slots] = first_s
+        self.index[slots] = 0
+        self.length_m[slots] = fusion.element_s * np.maximum(np.hypot(x[2], x[3]), SLOWEST_MPS)
+        self.states[slots] = np.concatenate([x, P]).T
+        self.gates.put(slots, GateMemory.empty(len(slots), self.gates.misses.shape[1]))
+        self.detector.start(slots, x, P, first_s)
+
+    def stop(self, slots: Ints) -> None:
+        """End the elements of terminated tracks."""
+        self.open[slots] = False
+        self.boundaries_s[slots] = np.inf
+        self.settled_s[slots] = -np.inf
+
+    @property
+    def due_s(self) -> Array:
+        """When each track's open element may close, inf where none is open. ``(capacity,)`` [s since the epoch]"""
+        due: Array = self.boundaries_s[:, -1] + self._settings.fusion.watermark_s
+        return due
+
+    def close(self, slots: Ints, rings: Array) -> Closed:
+        """Close the open element of each track and open the next.
+
+        Parameters
+        ----------
+        slots : (n,) int64
+            Tracks.
+        rings : (n, depth, COLUMN_COUNT) array
+            Their buffered reports.
+        """
+        boundaries = self.boundaries_s[slots]
+        centre = 0.5 * (boundaries[:, 0] + boundaries[:, 1])
+        horizon = boundaries[:, -1]
+        settled = self.settled_s[slots]
+        next_settled = np.maximum(np.minimum(centre, horizon - REVISION_S), settled)
+        window = gather(rings, settled, horizon, centre, next_settled)
+        order = window.lanes
+        slots, boundaries, centre = slots[order], boundaries[order], centre[order]
+        density = self._detect(slots, window)
+        states = np.ascontiguousarray(self.states[slots].T)
+        result = estimate(
+            window, _windowed_max(window, density), states[:6], states[6:], settled[order], self.gates.take(slots)
+        )
+        closed = Closed(slots, self.index[slots], boundaries[:, :2], centre, result, window)
+        self._settle(slots, next_settled[order], result)
+        self._divide(slots, boundaries, window, result)
+        return closed
+
+    def _detect(self, slots: Ints, window: Window) -> Array:
+        """Run the detector over reports it has not seen; density of jerk after each report ``(K, n)``. [m²/s⁵]
+
+        Every report is seen once, in order of time; one that comes after the detector has passed its time is not.
+        """
+        fresh = (window.kind == REPORT) & (window.time_s > self.detector.time_s[slots])
+        count = fresh.sum(axis=0)
+        density = np.zeros(window.kind.shape)
+        lanes = np.argsort(-count, kind="stable")
+        rounds = int(count.max(initial=0))
+        if rounds == 0:
+            return density
+        work = self.detector.take(slots[lanes])
+        active = [int(m) for m in (count[lanes][:, None] > np.arange(rounds)).sum(axis=0)]
+        sensor = window.sensor_index
+        names = (
+            "east_m", "north_m", "r_ee", "r_en", "r_nn",
+            "v_east_mps", "v_north_mps", "velocity_variance", "time_variance",
+        )  # fmt: skip
+        # Where the k-th fresh report of each lane stands; lanes with the most come first.
+        places = np.argsort(np.where(fresh, 0, 1), axis=0, kind="stable")
+        for k in range(rounds):
+            m = active[k]
+            lane = lanes[:m]
+            event = places[k, lane]
+            lag = work.predict(window.time_s[event, lane])
+            columns = tuple(getattr(window, name)[event, lane] for name in names)
+            work.update(columns, sensor[event, lane], lag, np.ones(m, dtype=np.bool_))
+            density[event, lane] = manoeuvre.jerk_density(work.mu[:, :m])
+        self.detector.put(slots[lanes], work)
+        return density
+
+    def _settle(self, slots: Ints, settled_s: Array, result: Estimate) -> None:
+        self.settled_s[slots] = settled_s
+        self.states[slots] = np.concatenate([result.settled_x, result.settled_P]).T
+        self.gates.put(slots, result.settled_memory)
+
+    def _divide(self, slots: Ints, boundaries: Array, window: Window, result: Estimate) -> None:
+        """Lay the next division point: elements of equal length along the track, bounded in time.
+
+        The speed is that of the settled state, which reports up to four seconds late cannot change; so the division
+        does not depend on the order of arrival.
+        """
+        accepted = (window.kind == REPORT) & (result.reason == 0) & (window.time_s >= boundaries[:, 0])
+        fast = (accepted & self._fast[window.sensor_index]).any(axis=0)
+        set_s = self._settings.fusion.element_s * np.where(fast, 1.0, 2.0)
+        speed = np.maximum(np.hypot(result.settled_x[2], result.settled_x[3]), SLOWEST_MPS)
+        step = self.length_m[slots] / speed
+        off = (step < SHORTEST * set_s) | (step > LONGEST * set_s)
+        step = np.where(off, set_s, step)
+        self.length_m[slots] = np.where(off, set_s * speed, self.length_m[slots])
+        self.boundaries_s[slots, :-1] = boundaries[:, 1:]
+        self.boundaries_s[slots, -1] = boundaries[:, -1] + step
+        self.index[slots] += 1
+
+
+def _windowed_max(window: Window, density: Array) -> Array:
+    """For each event the largest density from one second before to four seconds after it, ``(K, n)``."""
+    time = window.time_s
+    K = len(time)
+    largest = np.maximum(density, manoeuvre.JERK_DENSITY[0])
+    # ``later`` counts for an event up to AFTER_S before it, ``earlier`` for one up to BEFORE_S behind it.
+    for shift in range(1, K):
+        apart = time[shift:] - time[:-shift]
+        ahead, behind = apart <= AFTER_S, apart <= BEFORE_S
+        if not ahead.any():
+            break
+        np.maximum(largest[:-shift], np.where(ahead, density[shift:], 0.0), out=largest[:-shift])
+        np.maximum(largest[shift:], np.where(behind, density[:-shift], 0.0), out=largest[shift:])
+    return largest

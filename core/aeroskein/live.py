@@ -1,0 +1,130 @@
+"""The live product: the state of every track at the time of its newest report, without lag.
+
+Reports are taken in order of arrival. Several reports of one aircraft in a batch are handled in rounds: the first of
+every aircraft together, then the second, and so on. A report a few seconds behind the state still improves it; an
+older one is left to the elements, which treat it exactly.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import kalman
+from aeroskein.measurements import Measurements
+from aeroskein.mode_bank import ModeBank
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.vertical import VerticalFilter
+
+__all__ = ["LiveProduct", "first_state"]
+
+# Older reports than this behind the state are not used live: the noise of the flight in between, which the look back
+# neglects, would then matter. [s]
+LATEST_LAG_S: Final = 4.0
+# Where a flight begins nothing is known of its velocity and acceleration. [m/s], [m/s²]
+START_VELOCITY_SIGMA: Final = 250.0
+START_ACCELERATION_SIGMA: Final = 3.0
+
+
+def first_state(reports: Measurements) -> tuple[Array, Array]:
+    """State ``(6, n)`` and covariance ``(24, n)`` from one report per track."""
+    n = len(reports)
+    has_velocity = np.isfinite(reports.velocity_variance)
+    x = np.zeros((6, n))
+    x[0], x[1] = reports.east_m, reports.north_m
+    x[2] = np.where(has_velocity, reports.v_east_mps, 0.0)
+    x[3] = np.where(has_velocity, reports.v_north_mps, 0.0)
+    P = np.zeros((kalman.COVARIANCE_ROWS, n))
+    P[0] = reports.r_ee + reports.time_variance * x[2] ** 2
+    P[1] = P[6] = reports.r_en + reports.time_variance * x[2] * x[3]
+    P[7] = reports.r_nn + reports.time_variance * x[3] ** 2
+    P[12] = P[17] = np.where(has_velocity, reports.velocity_variance, START_VELOCITY_SIGMA**2)
+    P[20] = P[23] = START_ACCELERATION_SIGMA**2
+    return x, P
+
+
+class LiveProduct:
+    """Live states of all tracks; columns by slot."""
+
+    def __init__(self, capacity: int, altitude_sigma_m: Array) -> None:
+        sensors = len(altitude_sigma_m)
+        self._altitude_sigma_m = altitude_sigma_m
+        self.bank = ModeBank(capacity, sensors)
+        self.vertical = VerticalFilter(capacity)
+        # Since the last live point: accepted reports per sensor, and refused ones.
+        self.sources = np.zeros((capacity, sensors), dtype=np.int32)
+        self.rejected = np.zeros(capacity, dtype=np.int32)
+        # Time of the last live point; the product never goes back behind it. [s since the epoch]
+        self.published_s = np.full(capacity, -np.inf)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        more = capacity - len(self.rejected)
+        self.bank.grow(capacity)
+        self.vertical.grow(capacity)
+        self.sources = np.concatenate([self.sources, np.zeros((more, self.sources.shape[1]), dtype=np.int32)])
+        self.rejected = np.concatenate([self.rejected, np.zeros(more, dtype=np.int32)])
+        self.published_s = np.concatenate([self.published_s, np.full(more, -np.inf)])
+
+    def clear(self, slots: Ints) -> None:
+        """Make the slots of new tracks blank."""
+        self.bank.time_s[slots] = -np.inf
+        self.vertical.start(slots)
+        self.sources[slots] = 0
+        self.rejected[slots] = 0
+        self.published_s[slots] = -np.inf
+
+    def start(self, reports: Measurements) -> None:
+        """Begin tracks with their first report, one row each."""
+        x, P = first_state(reports)
+        self.bank.start(reports.slot, x, P, reports.time_s)
+
+    def receive(self, reports: Measurements, started: Bools) -> Bools:
+        """Update the states by reports sorted by slot, then time.
+
+        Parameters
+        ----------
+        reports : Measurements
+            Reports of known tracks.
+        started : (n,) bool array
+            Reports that began their track just now, whose position is therefore in the state already.
+
+        Returns
+        -------
+        (n,) bool array
+            False for outliers. Reports too late for this product are left out without a verdict (true).
+        """
+        n = len(reports)
+        accepted = np.ones(n, dtype=np.bool_)
+        if n == 0:
+            return accepted
+        slots, first, count = np.unique(reports.slot, return_index=True, return_counts=True)
+        order = np.argsort(-count, kind="stable")
+        slots, first, count = slots[order], first[order], count[order]
+        work = self.bank.take(slots)
+        sensor = reports.sensor.astype(np.int64)
+        for k in range(int(count[0])):
+            m = int((count > k).sum())
+            rows = first[:m] + k
+            r = reports.take(rows)
+            lag = work.predict(r.time_s)
+            usable = (lag <= LATEST_LAG_S) & ~started[rows]
+            columns = (
+                r.east_m, r.north_m, r.r_ee, r.r_en, r.r_nn,
+                r.v_east_mps, r.v_north_mps, r.velocity_variance, r.time_variance,
+            )  # fmt: skip
+            ok = work.update(columns, sensor[rows], lag, usable)
+            accepted[rows] = ok | ~usable
+            self.vertical.update(
+                slots[:m], r.time_s, r.altitude_m, r.height_m, r.vertical_rate_mps,
+                self._altitude_sigma_m[sensor[rows]],
+            )  # fmt: skip
+        self.bank.put(slots, work)
+        np.add.at(self.sources, (reports.slot[accepted], sensor[accepted]), 1)
+        np.add.at(self.rejected, reports.slot[~accepted], 1)
+        return accepted
+
+    def state_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
+        """Mixed state ``(6, n)`` and covariance ``(24, n)`` at times not before the newest report."""
+        return self.bank.mixture_at(slots, time_s)

@@ -1,0 +1,173 @@
+"""Which way is the aircraft moving: a linear IMM of three models, for the live state and for manoeuvre detection.
+
+Interacting multiple models (Blom & Bar-Shalom 1988) over one six-component state: steady flight (white acceleration),
+gentle manoeuvre (white jerk) and hard manoeuvre (stronger white jerk). The live product publishes the mixture; the
+element estimator takes from it only the density of jerk that the flight shows, second by second. Mixing is written by
+pairs of models, so that no outer product depends on the mixed mean; the tests check it against the textbook form.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import kalman
+from aeroskein.plots import Array, Bools
+
+__all__ = ["JERK_DENSITY", "MODELS", "START", "initial", "jerk_density", "mixture", "step"]
+
+MODELS: Final = 3
+
+# Steady: acceleration as white noise of (0.05 m/s²)² per hertz, what gusts and an autopilot leave.
+STEADY_ACCELERATION_DENSITY: Final = 0.05**2
+# Gentle and hard: white jerk; (2 m/s³)² per hertz follows the roll-in of a standard-rate turn within two seconds.
+FILTER_JERK_DENSITY: Final = np.array([0.0, 0.2**2, 2.0**2])
+# Transition rates per second, row = from, column = to: steady flight lasts minutes, a roll-in seconds.
+RATES: Final = np.array([[0.0, 0.004, 0.012], [0.01, 0.0, 0.03], [0.05, 0.15, 0.0]])
+# Before anything is known.
+START: Final = np.array([0.80, 0.15, 0.05])
+# The jerk that a smoother should allow for in each mode: less than the filter's, for it sees both sides. [m²/s⁵]
+JERK_DENSITY: Final = np.array([0.02**2, 0.1**2, 1.0**2])
+# A model never vanishes wholly, or it could not come back.
+LOWEST_PROBABILITY: Final = 1e-6
+
+_I: Final = np.array([i for i, _ in kalman.ROW_OF])
+_J: Final = np.array([j for _, j in kalman.ROW_OF])
+
+
+def initial(x: Array, P: Array) -> tuple[Array, Array, Array]:
+    """Three equal models from one state: ``(6, 3, n)``, ``(24, 3, n)``, probabilities ``(3, n)``."""
+    n = x.shape[-1]
+    xs = np.repeat(x[:, None, :], MODELS, axis=1)
+    Ps = np.repeat(P[:, None, :], MODELS, axis=1)
+    return xs, Ps, np.repeat(START[:, None], n, axis=1)
+
+
+def transition(h: Array) -> Array:
+    """Transition probabilities over ``h`` ``(n,)`` [s] as ``(3, 3, n)``, from row to column."""
+    r = RATES[:, :, None]
+    T = r * h / (1.0 + 2.0 * r * h)
+    for i in range(MODELS):
+        T[i, i] = 1.0 - T[i].sum(axis=0)
+    return T
+
+
+def _mix(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
+    """States, covariances and predicted probabilities after the models have interacted over ``h``."""
+    T = transition(h)
+    c = np.einsum("ijn,in->jn", T, mu)
+    W = T * (mu[:, None, :] / c[None])
+    mixed_x = np.einsum("cin,ijn->cjn", x, W)
+    n = x.shape[-1]
+    # P_i and the outer products of the three differences side by side: one weighted sum does it all.
+    S = np.empty((kalman.COVARIANCE_ROWS, 6, n))
+    S[:, 0:3] = P
+    weights = np.empty((6, MODELS, n))
+    weights[0:3] = W
+    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
+        d = x[:, i] - x[:, j]
+        np.multiply(d[_I], d[_J], out=S[:, 3 + k])
+        np.multiply(W[i], W[j], out=weights[3 + k])
+    return mixed_x, np.einsum("cin,ijn->cjn", S, weights), c
+
+
+def predict(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
+    """Mix and move all models by ``h`` ``(n,)`` [s]; returns new ``x, P, mu``. Lanes with ``h = 0`` keep theirs."""
+    x, P, mu = _mix(x, P, mu, h)
+    # The steady model carries no acceleration.
+    x[4:6, 0] = 0.0
+    P[[4, 5, 10, 11, 14, 15, 18, 19, 20, 21, 22, 23], 0] = 0.0
+    kalman.predict(x, P, h, FILTER_JERK_DENSITY[:, None])
+    q = STEADY_ACCELERATION_DENSITY * h
+    for first, second, value in ((0, 7, q * h * h / 3.0), (2, 9, q * h / 2.0), (12, 17, q)):
+        P[first, 0] += value
+        P[second, 0] += value
+    # Keeps the steady model's acceleration block regular; far below anything measurable.
+    P[[20, 23], 0] += 1e-4
+    return x, P, mu
+
+
+def _reweigh(mu: Array, g: kalman.Gains) -> Array:
+    log_likelihood = -0.5 * (g.d2 + np.log(g.det))
+    log_likelihood -= log_likelihood.max(axis=0)
+    updated = mu * np.exp(log_likelihood)
+    updated /= updated.sum(axis=0)
+    np.maximum(updated, LOWEST_PROBABILITY, out=updated)
+    return np.where(g.ok, updated, mu)
+
+
+def step(
+    x: Array,
+    P: Array,
+    mu: Array,
+    *,
+    z: Array,
+    base: Array,
+    time_variance: Array,
+    velocity_variance: Array,
+    lag: Array | None,
+    usable: Bools,
+    gate: Array | float,
+) -> tuple[Array, Bools, Array, kalman.Innovation]:
+    """Update all models by one report a lane, in place; returns ``mu``, accepted, distance, innovation.
+
+    Parameters
+    ----------
+    x, P, mu : (6, 3, n), (24, 3, n), (3, n) arrays
+        Predicted models.
+    z : (4, n) array
+        Position and velocity measured; velocity ignored where its variance is not finite. [m, m/s]
+    base : (3, n) array
+        Position covariance ee, en, nn without the part from the time stamp. [m²]
+    time_variance : (n,) array
+        Variance of the time stamp, turned along the flight by each model's velocity. [s²]
+    velocity_variance : (n,) array
+        Per axis; inf or NaN where no velocity is reported. [m²/s²]
+    lag : (n,) array or None
+        How far the report lies behind the state; None where no lane is late. [s]
+    usable : (n,) bool array
+        Lanes to update; the others are left alone.
+    gate : float
+        Largest squared statistical distance of the nearest model.
+    """
+    vx, vy = x[2], x[3]
+    r00 = base[0] + time_variance * vx * vx
+    r01 = base[1] + time_variance * vx * vy
+    r11 = base[2] + time_variance * vy * vy
+    i = innovation(x, P, 0, z[0], z[1], r00, r01, r11, lag)
+    nearest = i.d2.min(axis=0)
+    ok = usable & (nearest <= gate)
+    mu = _reweigh(mu, kalman.apply(x, P, i, ok))
+    has_velocity = ok & np.isfinite(velocity_variance)
+    if has_velocity.any():
+        rv = np.where(has_velocity, velocity_variance, 1.0) + time_variance * (x[4] ** 2 + x[5] ** 2)
+        z = np.where(has_velocity, z, 0.0)  # a NaN times a gain of zero would still be a NaN
+        iv = innovation(x, P, 2, z[2], z[3], rv, np.zeros_like(rv), rv, lag)
+        has_velocity &= iv.d2.min(axis=0) <= gate
+        mu = _reweigh(mu, kalman.apply(x, P, iv, has_velocity))
+    return mu, ok, nearest, i
+
+
+def innovation(
+    x: Array, P: Array, first: int, z0: Array, z1: Array, r00: Array, r01: Array, r11: Array, lag: Array | None
+) -> kalman.Innovation:
+    """As ``kalman.innovation``, for a report that may lie ``lag`` behind the state (no rewind: H looks back)."""
+    if lag is None:
+        return kalman.innovation(x, P, first, z0, z1, r00, r01, r11)
+    return kalman.lagged_innovation(x, P, first, z0, z1, r00, r01, r11, lag)
+
+
+def mixture(x: Array, P: Array, mu: Array) -> tuple[Array, Array]:
+    """One state ``(6, n)`` and covariance ``(24, n)`` from three models: moments of the mixture."""
+    mean = np.einsum("cin,in->cn", x, mu)
+    P_mean = np.einsum("cin,in->cn", P, mu)
+    for i in range(MODELS):
+        d = x[:, i] - mean
+        P_mean += mu[i] * d[_I] * d[_J]
+    return mean, P_mean
+
+
+def jerk_density(mu: Array) -> Array:
+    """Density of jerk ``(n,)`` that the mode probabilities ``(3, n)`` ask a smoother to allow for. [m²/s⁵]"""
+    return JERK_DENSITY @ mu

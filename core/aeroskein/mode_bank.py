@@ -1,0 +1,164 @@
+"""Mode banks: the three-model filter of ``manoeuvre`` for all tracks, one row a track, worked on in rounds.
+
+Two banks exist: one runs in order of arrival and gives the live product; the other runs in order of time, behind the
+watermark, and says how hard each aircraft was manoeuvring when. Rows are kept one track after the other because a row
+is then one copy to fetch; for work they are turned so that lanes come last.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import kalman, manoeuvre
+from aeroskein.gating import GATE, GateMemory
+from aeroskein.plots import Array, Bools, Ints
+
+__all__ = ["ModeBank", "ModeWork"]
+
+_X: Final = 6 * manoeuvre.MODELS
+_P: Final = kalman.COVARIANCE_ROWS * manoeuvre.MODELS
+ROW: Final = _X + _P + manoeuvre.MODELS
+
+# A report that is believed in spite of its gate: the state may have been wrong for about this long. [s]
+ASTRAY_S: Final = 4.0
+
+
+class ModeWork:
+    """Some tracks' models, turned for work: ``x (6, 3, n)``, ``P (24, 3, n)``, ``mu (3, n)``, times ``(n,)``."""
+
+    def __init__(self, x: Array, P: Array, mu: Array, time_s: Array, memory: GateMemory) -> None:
+        self.x, self.P, self.mu, self.time_s = x, P, mu, time_s
+        self.memory = memory
+
+    def predict(self, time_s: Array) -> Array:
+        """Move the first ``len(time_s)`` lanes forward to these times, never back; returns how far each lags behind."""
+        m = len(time_s)
+        h = time_s - self.time_s[:m]
+        lag = np.maximum(-h, 0.0)
+        np.maximum(h, 0.0, out=h)
+        if m == len(self.time_s):
+            self.x, self.P, self.mu = manoeuvre.predict(self.x, self.P, self.mu, h)
+        else:
+            x, P, mu = manoeuvre.predict(self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m], h)
+            self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m] = x, P, mu
+        self.time_s[:m] += h
+        return lag
+
+    def update(
+        self,
+        columns: tuple[Array, ...],
+        sensor: Ints,
+        lag: Array,
+        usable: Bools,
+    ) -> Bools:
+        """Update the first m lanes by one report each.
+
+        Parameters
+        ----------
+        columns : tuple of (m,) arrays
+            east, north, r_ee, r_en, r_nn, v_east, v_north, velocity variance, time variance, as in ``Measurements``.
+        sensor : (m,) int64
+            Sensor of each report.
+        lag : (m,) array
+            How far it lies behind the state. [s]
+        usable : (m,) bool array
+            Lanes to update.
+
+        Returns
+        -------
+        (m,) bool array
+            Where the report was used.
+        """
+        east, north, r_ee, r_en, r_nn, ve, vn, rv, tv = columns
+        m = len(east)
+        x, P, mu = self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m]
+        late = lag if (lag > 0.0).any() else None
+        trace = r_ee + r_nn
+        opened = usable & self.memory.opens(np.arange(m), sensor, trace)
+        opened = self._widen(opened, x, P, (east, north, r_ee, r_en, r_nn, tv), late)
+        gate = np.where(opened, np.inf, GATE)
+        mu[...], ok, _, _ = manoeuvre.step(
+            x, P, mu,
+            z=np.stack([east, north, ve, vn]),
+            base=np.stack([r_ee, r_en, r_nn]),
+            time_variance=tv, velocity_variance=rv, lag=late, usable=usable, gate=gate,
+        )  # fmt: skip
+        noted = np.flatnonzero(usable)
+        self.memory.note(noted, sensor[noted], trace[noted], ok[noted])
+        return ok
+
+    def _widen(self, opened: Bools, x: Array, P: Array, columns: tuple[Array, ...], lag: Array | None) -> Bools:
+        """Widen lanes whose gate opens and would refuse; returns which those are."""
+        if not opened.any():
+            return opened
+        at = np.flatnonzero(opened)
+        east, north, r_ee, r_en, r_nn, tv = (c[at] for c in columns)
+        xs, Ps = x[:, :, at], np.ascontiguousarray(P[:, :, at])
+        i = manoeuvre.innovation(
+            xs, Ps, 0, east, north,
+            r_ee + tv * xs[2] ** 2, r_en + tv * xs[2] * xs[3], r_nn + tv * xs[3] ** 2,
+            None if lag is None else lag[at],
+        )  # fmt: skip
+        refused = i.d2.min(axis=0) > GATE
+        opened = opened.copy()
+        opened[at[~refused]] = False
+        off = (i.n0**2 + i.n1**2) * refused
+        for row in (0, 7):
+            P[row][:, at] += off
+        for row in (12, 17):
+            P[row][:, at] += off / ASTRAY_S**2
+        return opened
+
+
+class ModeBank:
+    """The models of all tracks at rest: ``rows (capacity, 93)``, ``time_s (capacity,)``, gates."""
+
+    def __init__(self, capacity: int, sensors: int) -> None:
+        self.rows = np.zeros((capacity, ROW))
+        self.time_s = np.full(capacity, -np.inf)
+        self.memory = GateMemory.empty(capacity, sensors)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        more = ModeBank(capacity - len(self.rows), self.memory.misses.shape[1])
+        self.rows = np.concatenate([self.rows, more.rows])
+        self.time_s = np.concatenate([self.time_s, more.time_s])
+        self.memory = GateMemory(
+            np.concatenate([self.memory.misses, more.memory.misses]),
+            np.concatenate([self.memory.best_m2, more.memory.best_m2]),
+        )
+
+    def start(self, slots: Ints, x: Array, P: Array, time_s: Array) -> None:
+        """Begin tracks with one state ``(6, n)`` and covariance ``(24, n)`` each."""
+        xs, Ps, mu = manoeuvre.initial(x, P)
+        memory = GateMemory.empty(len(slots), self.memory.misses.shape[1])
+        self.put(slots, ModeWork(xs, Ps, mu, time_s, memory))
+
+    def take(self, slots: Ints) -> ModeWork:
+        """The models of some tracks, turned for work; ``put`` them back to keep what was done."""
+        n = len(slots)
+        turned = np.ascontiguousarray(self.rows.take(slots, axis=0).T)
+        return ModeWork(
+            turned[:_X].reshape(6, manoeuvre.MODELS, n),
+            turned[_X : _X + _P].reshape(kalman.COVARIANCE_ROWS, manoeuvre.MODELS, n),
+            turned[_X + _P :],
+            self.time_s[slots],
+            self.memory.take(slots),
+        )
+
+    def put(self, slots: Ints, work: ModeWork) -> None:
+        """Keep the models of some tracks."""
+        n = len(slots)
+        turned = np.concatenate([work.x.reshape(_X, n), work.P.reshape(_P, n), work.mu])
+        self.rows[slots] = turned.T
+        self.time_s[slots] = work.time_s
+        self.memory.put(slots, work.memory)
+
+    def mixture_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
+        """One state ``(6, n)`` and covariance ``(24, n)`` per track at the given times, not before its own."""
+        work = self.take(slots)
+        if (time_s > work.time_s).any():
+            work.predict(time_s)
+        return manoeuvre.mixture(work.x, work.P, work.mu)

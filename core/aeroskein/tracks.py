@@ -1,0 +1,150 @@
+"""Tracks: slots, numbers, identities, status. Everything about a track that is not its motion, as columns by slot.
+
+A slot is a place in every array of the engine and is used again; a track number never is. An address belongs to one
+track, its owner; a second track that carries the same address is a duplicate and stays on its number.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.points import Status
+from aeroskein.settings import EngineSettings
+
+__all__ = ["TrackTable"]
+
+# A sensor counts as live on a track while its last report is younger than this many of its periods, and a track
+# coasts when it has missed its fastest live sensor by half a period more than one. [periods]
+LIVE_PERIODS: Final = 2.5
+COAST_PERIODS: Final = 1.5
+
+
+class TrackTable:
+    """Columns by slot; see the attributes set in ``__init__``. Slots in use have ``used`` true."""
+
+    def __init__(self, settings: EngineSettings, first_number: int) -> None:
+        capacity = settings.tracks.capacity
+        sensors = len(settings.sensors)
+        self._settings = settings
+        self._periods = np.array([s.period_s for s in settings.sensors])
+        self.next_number = first_number
+        self.used: Bools = np.zeros(capacity, dtype=np.bool_)
+        self.number: Ints = np.full(capacity, -1, dtype=np.int64)
+        self.address = np.full(capacity, -1, dtype=np.int32)
+        self.label = np.full(capacity, -1, dtype=np.int32)
+        self.mode_a = np.full(capacity, -1, dtype=np.int16)
+        self.callsign: NDArray[np.bytes_] = np.zeros(capacity, dtype="S8")
+        self.status = np.zeros(capacity, dtype=np.uint8)
+        self.flags = np.zeros(capacity, dtype=np.uint16)
+        self.frame: Ints = np.zeros(capacity, dtype=np.int64)
+        self.reports: Ints = np.zeros(capacity, dtype=np.int64)
+        # When the newest report arrived, and the newest report's own time. [s since the epoch]
+        self.received_s: Array = np.full(capacity, -np.inf)
+        self.newest_s: Array = np.full(capacity, -np.inf)
+        self.terminated_s: Array = np.full(capacity, np.inf)
+        # Per sensor: arrival of its newest accepted report. [s since the epoch]
+        self.sensor_received_s: Array = np.full((capacity, sensors), -np.inf)
+        self._free = list(range(capacity - 1, -1, -1))
+        self._owned = np.zeros(0, dtype=np.int32)
+        self._owner: Ints = np.zeros(0, dtype=np.int64)
+
+    @property
+    def capacity(self) -> int:
+        """Slots allocated."""
+        return len(self.used)
+
+    @property
+    def active(self) -> Ints:
+        """Slots in use that are not terminated."""
+        return np.flatnonzero(self.used & (self.status != Status.TERMINATED))
+
+    def room_for(self, n: int) -> int:
+        """The capacity needed for ``n`` more tracks: today's, doubled as often as necessary."""
+        capacity = self.capacity
+        while capacity - (self.capacity - len(self._free)) < n:
+            capacity *= 2
+        return capacity
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        old = self.capacity
+        for name, column in vars(self).items():
+            if isinstance(column, np.ndarray) and len(column) == old and not name.startswith("_"):
+                missing = column[:1].copy()
+                fresh = np.repeat(self._blank(name, missing), capacity - old, axis=0)
+                setattr(self, name, np.concatenate([column, fresh]))
+        self._free = list(range(capacity - 1, old - 1, -1)) + self._free
+
+    def _blank(self, name: str, like: NDArray[np.generic]) -> NDArray[np.generic]:
+        blanks = {
+            "number": -1, "address": -1, "label": -1, "mode_a": -1,
+            "received_s": -np.inf, "newest_s": -np.inf, "sensor_received_s": -np.inf, "terminated_s": np.inf,
+        }  # fmt: skip
+        like[...] = blanks.get(name, b"" if name == "callsign" else 0)
+        return like
+
+    def open(self, address: NDArray[np.int32], owns: Bools) -> Ints:
+        """Begin tracks and return their slots ``(n,)``; there must be room.
+
+        Parameters
+        ----------
+        address : (n,) int32
+            ICAO addresses, -1 where unknown.
+        owns : (n,) bool array
+            Where the track is the owner of its address and takes its key's name from it.
+        """
+        n = len(address)
+        slots = np.array([self._free.pop() for _ in range(n)], dtype=np.int64)
+        for name, column in vars(self).items():
+            if isinstance(column, np.ndarray) and not name.startswith("_"):
+                column[slots] = self._blank(name, column[:1].copy())
+        self.used[slots] = True
+        self.number[slots] = np.arange(self.next_number, self.next_number + n)
+        self.next_number += n
+        self.address[slots] = address
+        self.label[slots] = np.where(owns, address, -1)
+        self._own(address[owns], slots[owns])
+        return slots
+
+    def _own(self, address: NDArray[np.int32], slots: Ints) -> None:
+        at = np.searchsorted(self._owned, address)
+        order = np.argsort(address, kind="stable")
+        self._owned = np.insert(self._owned, at[order], address[order])
+        self._owner = np.insert(self._owner, at[order], slots[order])
+
+    def name(self, slots: Ints, address: NDArray[np.int32]) -> None:
+        """Give tracks an address that nobody owns; number and sequence go on."""
+        self.address[slots] = address
+        self.label[slots] = address
+        self._own(address, slots)
+
+    def terminate(self, slots: Ints, now_s: float) -> None:
+        """End tracks: their address is free again, their slot is kept until ``release``."""
+        self.status[slots] = Status.TERMINATED
+        self.terminated_s[slots] = now_s
+        keep = ~np.isin(self._owner, slots)
+        self._owned, self._owner = self._owned[keep], self._owner[keep]
+
+    def release(self, slots: Ints) -> None:
+        """Give the slots of terminated tracks back."""
+        self.used[slots] = False
+        self._free.extend(int(s) for s in slots)
+
+    def owner(self, address: NDArray[np.int32]) -> Ints:
+        """Slot of the track that owns each address ``(n,)``, -1 where none does."""
+        if not len(self._owned):
+            return np.full(len(address), -1, dtype=np.int64)
+        at = np.minimum(np.searchsorted(self._owned, address), len(self._owned) - 1)
+        return np.where(self._owned[at] == address, self._owner[at], -1)
+
+    def expected_wait_s(self, slots: Ints, now_s: float) -> Array:
+        """How long each track may be without a report before it coasts, by its fastest live sensor. [s]"""
+        coast_min = self._settings.tracks.coast_min_s
+        live_for = np.maximum(coast_min, LIVE_PERIODS * self._periods)
+        live = now_s - self.sensor_received_s[slots] <= live_for
+        fastest = np.where(live, self._periods, np.inf).min(axis=1)
+        return np.where(np.isfinite(fastest), np.maximum(coast_min, COAST_PERIODS * fastest), 0.0)

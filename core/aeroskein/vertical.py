@@ -1,0 +1,188 @@
+"""The vertical channel: altitude and its rate, live by a two-state filter, and for elements by a fit around the centre.
+
+Altitude is pressure altitude where anyone reports it, geometric height otherwise; the difference of the two is learned
+per track from reports that carry both. Nothing is ever mixed without that difference.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein.plots import Array, Bools, Ints
+
+__all__ = ["VerticalFilter", "fit_at"]
+
+# White vertical acceleration: 1 m/s² for a second when a climb begins. [m²/s³]
+ACCELERATION_DENSITY: Final = 0.5
+# One sigma of a reported vertical rate: 64 ft/min steps and the air data computer's lag. [m/s]
+RATE_SIGMA_MPS: Final = 1.0
+START_RATE_SIGMA_MPS: Final = 15.0
+# Squared distance beyond which an altitude is an outlier, and how many in a row are believed again.
+GATE: Final = 36.0
+MISSES_TO_RESTART: Final = 4
+# A vertical state without any report for this long says nothing any more. [s]
+FORGET_S: Final = 60.0
+# Share of a new difference height minus altitude that is taken over once ten are known.
+OFFSET_SHARE: Final = 0.1
+
+_ALTITUDE, _RATE, _P00, _P01, _P11, _TIME, _MISSES, _OFFSET, _OFFSETS, _BAROMETRIC = range(10)
+
+
+class VerticalFilter:
+    """Altitude states of all tracks: one row of ten numbers a track."""
+
+    def __init__(self, capacity: int) -> None:
+        self.rows = np.full((capacity, 10), np.nan)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for more tracks."""
+        more = np.full((capacity - len(self.rows), self.rows.shape[1]), np.nan)
+        self.rows = np.concatenate([self.rows, more])
+
+    def start(self, slots: Ints) -> None:
+        """Begin tracks whose altitude is unknown."""
+        self.rows[slots] = np.nan
+        self.rows[slots, _MISSES] = 0.0
+        self.rows[slots, _OFFSETS] = 0.0
+        self.rows[slots, _BAROMETRIC] = 0.0
+
+    def channel(self, slots: Ints, altitude_m: Array, height_m: Array) -> Array:
+        """The value ``(...)`` that a report contributes: its altitude, or its height brought down to altitude. [m]"""
+        rows = self.rows[slots]
+        offset = np.where(rows[:, _OFFSETS] > 0, rows[:, _OFFSET], np.nan)
+        from_height = height_m - np.where(rows[:, _BAROMETRIC] > 0, offset, 0.0)
+        return np.where(np.isnan(altitude_m), from_height, altitude_m)
+
+    def update(
+        self,
+        slots: Ints,
+        time_s: Array,
+        altitude_m: Array,
+        height_m: Array,
+        rate_mps: Array,
+        sigma_m: Array,
+    ) -> None:
+        """Take one report per track; slots ``(n,)`` are distinct, missing values NaN. Late reports move nothing back."""
+        rows = self.rows[slots]
+        first_altitude = np.isfinite(altitude_m) & (rows[:, _BAROMETRIC] == 0)
+        rows[first_altitude, _BAROMETRIC] = 1.0
+        # What was a height so far is not an altitude: begin again.
+        rows[first_altitude, _TIME] = np.nan
+        both = np.isfinite(altitude_m) & np.isfinite(height_m)
+        difference = np.where(both, height_m - altitude_m, 0.0)
+        rows[:, _OFFSETS] += both
+        share = np.where(both, np.maximum(1.0 / np.maximum(rows[:, _OFFSETS], 1.0), OFFSET_SHARE), 0.0)
+        rows[:, _OFFSET] = np.where(np.isnan(rows[:, _OFFSET]) & both, difference, rows[:, _OFFSET])
+        rows[:, _OFFSET] += np.where(both, share * (difference - rows[:, _OFFSET]), 0.0)
+        self.rows[slots] = rows
+        z = self.channel(slots, altitude_m, height_m)
+        self.rows[slots] = _filtered(rows, time_s, z, rate_mps, sigma_m)
+
+    def at(self, slots: Ints, time_s: Array) -> tuple[Array, Array, Array, Array]:
+        """Altitude, height, rate and one sigma of each track at the given times, NaN where unknown. [m, m, m/s, m]"""
+        rows = self.rows[slots]
+        age = np.maximum(time_s - rows[:, _TIME], 0.0)
+        known = np.isfinite(rows[:, _TIME]) & (age <= FORGET_S)
+        value = np.where(known, rows[:, _ALTITUDE] + age * rows[:, _RATE], np.nan)
+        variance = rows[:, _P00] + 2 * age * rows[:, _P01] + age**2 * rows[:, _P11]
+        variance += ACCELERATION_DENSITY * age**3 / 3.0
+        altitude, height = self.split(slots, value)
+        return altitude, height, np.where(known, rows[:, _RATE], np.nan), np.sqrt(variance)
+
+    def split(self, slots: Ints, value_m: Array) -> tuple[Array, Array]:
+        """Altitude and height from the channel's value: each NaN where nothing gave it. [m]"""
+        rows = self.rows[slots]
+        barometric = rows[:, _BAROMETRIC] > 0
+        altitude = np.where(barometric, value_m, np.nan)
+        return altitude, np.where(barometric, value_m + rows[:, _OFFSET], value_m)
+
+
+def _filtered(rows: Array, time_s: Array, z: Array, rate_mps: Array, sigma_m: Array) -> Array:
+    """One predict and update of the two-state filter on rows ``(n, 10)``."""
+    r = sigma_m**2
+    fresh = np.isnan(rows[:, _TIME]) | (rows[:, _MISSES] >= MISSES_TO_RESTART)
+    fresh |= time_s - rows[:, _TIME] > FORGET_S
+    begin = fresh & np.isfinite(z)
+    rate_known = np.isfinite(rate_mps)
+    rows[begin, _ALTITUDE] = z[begin]
+    rows[begin, _RATE] = np.where(rate_known, rate_mps, 0.0)[begin]
+    rows[begin, _P00] = r[begin]
+    rows[begin, _P01] = 0.0
+    rows[begin, _P11] = np.where(rate_known, RATE_SIGMA_MPS, START_RATE_SIGMA_MPS)[begin] ** 2
+    rows[begin, _TIME] = time_s[begin]
+    rows[begin, _MISSES] = 0.0
+    h = np.maximum(np.where(np.isnan(rows[:, _TIME]), 0.0, time_s - rows[:, _TIME]), 0.0)
+    rows[:, _ALTITUDE] += h * rows[:, _RATE]
+    rows[:, _P00] += h * (2.0 * rows[:, _P01] + h * rows[:, _P11]) + ACCELERATION_DENSITY * h**3 / 3.0
+    rows[:, _P01] += h * rows[:, _P11] + ACCELERATION_DENSITY * h**2 / 2.0
+    rows[:, _P11] += ACCELERATION_DENSITY * h
+    rows[:, _TIME] += h
+    usable = np.isfinite(z) & ~begin & np.isfinite(rows[:, _TIME]) & (time_s >= rows[:, _TIME])
+    _update(rows, usable, z, r, 0)
+    _update(rows, rate_known & ~begin & np.isfinite(rows[:, _TIME]), rate_mps, np.full_like(r, RATE_SIGMA_MPS**2), 1)
+    return rows
+
+
+def _update(rows: Array, usable: Bools, z: Array, r: Array, state: int) -> None:
+    """Scalar update of altitude (state 0) or rate (state 1) where usable, gated."""
+    column = rows[:, [_P00, _P01]] if state == 0 else rows[:, [_P01, _P11]]
+    s = column[:, state] + r
+    innovation = np.where(usable, z - rows[:, _ALTITUDE + state], 0.0)
+    inside = innovation**2 <= GATE * s
+    if state == 0:
+        rows[:, _MISSES] = np.where(usable, np.where(inside, 0.0, rows[:, _MISSES] + 1.0), rows[:, _MISSES])
+    k = np.where((usable & inside)[:, None], column / s[:, None], 0.0)
+    rows[:, _ALTITUDE] += k[:, 0] * innovation
+    rows[:, _RATE] += k[:, 1] * innovation
+    rows[:, _P00] -= k[:, 0] * column[:, 0]
+    rows[:, _P01] -= k[:, 0] * column[:, 1]
+    rows[:, _P11] -= k[:, 1] * column[:, 1]
+
+
+def fit_at(
+    centre_s: Array, time_s: Array, value_m: Array, rate_mps: Array, sigma_m: Array
+) -> tuple[Array, Array, Array]:
+    """Fit altitude and rate at the centres of elements to the reports around them.
+
+    Each report counts with its own variance plus what the altitude may have wandered between it and the centre, so
+    that near reports decide and far ones support; one round drops outliers.
+
+    Parameters
+    ----------
+    centre_s : (n,) array
+        Instants to fit at. [s]
+    time_s, value_m, rate_mps, sigma_m : (K, n) arrays
+        Reports; NaN where there is none. [s, m, m/s, m]
+
+    Returns
+    -------
+    value_m, rate_mps, sigma_m : (n,) arrays
+        NaN where no report carries an altitude. [m, m/s, m]
+    """
+    dt = time_s - centre_s
+    wander = ACCELERATION_DENSITY * np.abs(dt) ** 3 / 3.0
+    has_value, has_rate = np.isfinite(value_m), np.isfinite(rate_mps)
+    w = np.where(has_value, 1.0 / (sigma_m**2 + wander), 0.0)
+    u = np.where(has_rate, 1.0 / (RATE_SIGMA_MPS**2 + ACCELERATION_DENSITY * np.abs(dt)), 0.0)
+    z, rate = np.where(has_value, value_m, 0.0), np.where(has_rate, rate_mps, 0.0)
+    # Around a first guess, so that the sums keep their digits.
+    middle = (w * z).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-12)
+    for _ in range(2):
+        a = w.sum(axis=0)
+        b = (w * dt).sum(axis=0)
+        c = (w * dt * dt).sum(axis=0) + u.sum(axis=0) + 1.0 / START_RATE_SIGMA_MPS**2
+        y0 = (w * (z - middle)).sum(axis=0)
+        y1 = (w * dt * (z - middle)).sum(axis=0) + (u * rate).sum(axis=0)
+        determinant = np.where(a > 0.0, a * c - b * b, 1.0)
+        value = middle + (c * y0 - b * y1) / determinant
+        slope = (a * y1 - b * y0) / determinant
+        residual = z - value - slope * dt
+        w = np.where(residual**2 * w <= GATE, w, 0.0) if _ == 0 else w
+    known = a > 0.0
+    return (
+        np.where(known, value, np.nan),
+        np.where(known, slope, np.nan),
+        np.where(known, np.sqrt(c / determinant), np.nan),
+    )

@@ -1,0 +1,103 @@
+"""Windows: the buffered reports of closing elements, gathered from the rings and put in order of time.
+
+Lanes are tracks, sorted so that those with the most events come first: in the k-th round of any pass the lanes that
+still have an event are then a plain slice. Besides reports a window holds *marks*, instants at which the passes must
+stop without a measurement: the centre of the element, and the time up to which its track will be settled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeroskein.measurements import COLUMN_COUNT, COLUMNS
+from aeroskein.plots import Array, Ints
+
+__all__ = ["CENTRE", "NOTHING", "REPORT", "SETTLED", "Window", "gather"]
+
+TIME: Final = COLUMNS.index("time_s")
+SENSOR: Final = COLUMNS.index("sensor")
+
+# Kinds of event.
+NOTHING: Final = 0
+REPORT: Final = 1
+CENTRE: Final = 2
+SETTLED: Final = 3
+# Time of what is no event: later than everything, and finite, so that differences stay numbers. [s]
+NEVER_S: Final = 1e18
+
+
+@dataclass(slots=True, eq=False)
+class Window:
+    """Events of n lanes in order of time.
+
+    Attributes
+    ----------
+    lanes : (n,) int64
+        Where each lane stood in the caller's order.
+    columns : (COLUMN_COUNT, K, n) float64
+        The packed reports; only the time is set for marks.
+    kind : (K, n) int8
+        What each event is; ``NOTHING`` fills up lanes with fewer than K.
+    active : list of int
+        How many lanes, from the first on, have an event in round k.
+    """
+
+    lanes: Ints
+    columns: Array
+    kind: NDArray[np.int8]
+    active: list[int]
+
+    def __getattr__(self, name: str) -> Array:
+        # Columns by name, e.g. ``window.east_m``; called only for what is no attribute.
+        return self.columns[_INDEX[name]] if name in _INDEX else _missing(name)
+
+    @property
+    def sensor_index(self) -> Ints:
+        """Sensor of each report ``(K, n)``, 0 where there is none."""
+        return np.where(self.kind == REPORT, self.columns[SENSOR], 0.0).astype(np.int64)
+
+
+_INDEX: Final = {name: index for index, name in enumerate(COLUMNS)}
+
+
+def _missing(name: str) -> Array:
+    raise AttributeError(name)
+
+
+def gather(rows: Array, after_s: Array, until_s: Array, centre_s: Array, settled_s: Array) -> Window:
+    """Take the reports with ``after_s < time <= until_s``, add the marks, and sort.
+
+    Parameters
+    ----------
+    rows : (n, depth, COLUMN_COUNT) array
+        Ring contents of the closing tracks.
+    after_s, until_s : (n,) arrays
+        The window. [s since the epoch]
+    centre_s, settled_s : (n,) arrays
+        The marks; where they coincide there is one mark, ``CENTRE``. [s since the epoch]
+    """
+    n = len(rows)
+    times = rows[:, :, TIME]
+    inside = (times > after_s[:, None]) & (times <= until_s[:, None])
+    # Marks go last, so that a report at the very instant of a mark comes before it (the sort is stable).
+    marks = np.stack([centre_s, np.where(settled_s == centre_s, np.inf, settled_s)], axis=1)
+    keys = np.concatenate([np.where(inside, times, np.inf), marks], axis=1)
+    order = np.argsort(keys, axis=1, kind="stable")
+    count = np.isfinite(keys).sum(axis=1)
+    lanes = np.argsort(-count, kind="stable")
+    K = int(count.max()) if n else 0
+    order, count, keys = order[lanes, :K], count[lanes], keys[lanes]
+    depth = rows.shape[1]
+    packed = np.empty((n, K, COLUMN_COUNT))
+    is_mark = order >= depth
+    packed[...] = rows[lanes[:, None], np.minimum(order, depth - 1)]
+    packed[:, :, TIME] = np.minimum(np.take_along_axis(keys, order, axis=1), NEVER_S)
+    kind = np.full((n, K), REPORT, dtype=np.int8)
+    kind[is_mark] = CENTRE + (order[is_mark] - depth)
+    kind[np.arange(K) >= count[:, None]] = NOTHING
+    active = [int(m) for m in (count[:, None] > np.arange(K)).sum(axis=0)]
+    return Window(lanes, np.ascontiguousarray(packed.transpose(2, 1, 0)), np.ascontiguousarray(kind.T), active)
