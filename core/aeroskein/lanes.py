@@ -1,0 +1,84 @@
+"""Lanes: walking the reports of many flights through time at once, without sorting them anew.
+
+Offline filters go through time once for all flights: the k-th report of every flight is one step. Rows stay where they
+are (flight after flight, in order of time); ``Lanes`` says which rows make step k. Flights are taken longest first, so
+the flights that still have a k-th report are always the first ones, and states need neither masks nor padding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aeroskein.plots import Array, Bools, Ints
+
+__all__ = ["Lanes", "continues", "flight_quantile", "held_rows", "step_s"]
+
+
+class Lanes:
+    """Which rows make the k-th step of all flights.
+
+    Parameters
+    ----------
+    flight : (n,) int64
+        Flight of each row, ascending.
+
+    Attributes
+    ----------
+    steps : int
+        Reports of the longest flight.
+    """
+
+    def __init__(self, flight: Ints) -> None:
+        first = np.flatnonzero(~continues(flight))
+        lengths = np.diff(first, append=len(flight))
+        self._starts = first[np.argsort(-lengths, kind="stable")]
+        self.steps = int(lengths.max(initial=0))
+        # How many flights are longer than k, for each k.
+        self._active = len(lengths) - np.searchsorted(np.sort(lengths), np.arange(self.steps), side="right")
+
+    def rows(self, k: int) -> Ints:
+        """Rows of the k-th reports, longest flight first; the row after each is the same flight's next report."""
+        return np.asarray(self._starts[: self._active[k]] + k)
+
+
+def continues(flight: Ints) -> Bools:
+    """Rows whose flight also owns the row before, shape ``(n,)``."""
+    same = np.zeros(len(flight), dtype=np.bool_)
+    same[1:] = flight[1:] == flight[:-1]
+    return same
+
+
+def step_s(flight: Ints, time_s: Array) -> Array:
+    """Time since the row before of the same flight, 0 for a flight's first row, shape ``(n,)``. [s]"""
+    return np.asarray(np.where(continues(flight), np.diff(time_s, prepend=time_s[:1]), 0.0))
+
+
+def held_rows(flight: Ints, marked: Bools) -> tuple[Ints, Ints]:
+    """For each row the nearest marked row at or before it, and at or after it, in the same flight; -1 where none.
+
+    Parameters
+    ----------
+    flight : (n,) int64
+        Flight of each row, ascending.
+    marked : (n,) bool
+        Rows to find.
+    """
+    rows = np.arange(len(flight))
+    before = np.maximum.accumulate(np.where(marked, rows, -1))
+    after = np.minimum.accumulate(np.where(marked, rows, len(flight))[::-1])[::-1]
+    before = np.where((before >= 0) & (flight[before] == flight), before, -1)
+    clipped = np.minimum(after, len(flight) - 1)
+    after = np.where((after < len(flight)) & (flight[clipped] == flight), after, -1)
+    return before, after
+
+
+def flight_quantile(flight: Ints, values: Array, quantile: float) -> Array:
+    """Quantile of a column within each flight, with linear interpolation, shape ``(flights,)``."""
+    order = np.lexsort((values, flight))
+    first = np.flatnonzero(~continues(flight))
+    last = np.append(first[1:], len(flight)) - 1
+    place = first + quantile * (last - first)
+    low = np.floor(place).astype(np.int64)
+    high = np.minimum(low + 1, last)
+    ranked = values[order]
+    return np.asarray(ranked[low] + (place - low) * (ranked[high] - ranked[low]))
