@@ -106,6 +106,8 @@ class ServiceSettings(BaseModel):
     """Folder for what survives a restart (track numbers, registration, published elements); empty: nothing is kept."""
     instance: str = ""
     """Name of this process on its keys; empty: host and process number."""
+    inbox_batches: int = Field(default=1000, ge=1)
+    """Batches of one sensor that may wait for the worker; more than that drops the oldest (reason overload)."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

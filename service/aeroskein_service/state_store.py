@@ -123,13 +123,18 @@ class StateStore:
         """Write the final state and stop; gives back the numbers that were reserved and not used."""
         if self._writer is None:
             return
-        self._jobs.put(None)
-        self._writer.join()
-        self._writer = None
+        self.abandon()
         with contextlib.suppress(OSError):
             self._write_numbers(next_number)
             if snapshot is not None:
                 self._replace(SNAPSHOT, snapshot)
+
+    def abandon(self) -> None:
+        """Stop without a final state: what is on the disk already is what counts."""
+        if self._writer is not None:
+            self._jobs.put(None)
+            self._writer.join()
+            self._writer = None
 
     def _write_on(self) -> None:
         while (job := self._jobs.get()) is not None:

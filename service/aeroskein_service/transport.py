@@ -42,6 +42,7 @@ REMIND_S: Final = 30.0  # how often a process that waits for the router says so 
 CLOSE_S: Final = 2.0  # closing on a broken link can block ten seconds; nobody waits longer than this
 SENSOR_CACHE: Final = 2000  # batches a sensor can repeat after an outage: over half an hour at one batch a second
 FEED_CACHE: Final = 1000  # batches of the feed that can be repeated: 2.5 s at 20,000 points/s, minutes at 200/s
+KNOWN_KEYS: Final = 65_536  # key expressions kept parsed, about 20 MB; tracks that ended leave theirs behind
 HEARTBEAT_S: Final = 0.5  # how soon a subscriber notices that the newest sample is missing
 
 
@@ -258,13 +259,10 @@ class Publisher:
         for code, payload in zip(codes, payloads, strict=True):
             expression = known.get(code)
             if expression is None:
+                if len(known) >= KNOWN_KEYS:
+                    known.clear()
                 expression = known[code] = zenoh.KeyExpr(self._key_of(code))
             put(expression, payload, encoding=encoding, congestion_control=drop)
-
-    def forget(self, codes: Iterable[int]) -> None:
-        """These codes will not come again."""
-        for code in codes:
-            self._keys.pop(code, None)
 
 
 class FeedPublisher:

@@ -1,0 +1,45 @@
+"""``aeroskein router``: a Zenoh router in this process, for installations that have no other."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from aeroskein_service.signals import end_within, stop_on_signals
+from aeroskein_service.transport import Router, TransportError
+
+__all__ = ["run"]
+
+STOP_S = 4.8
+
+
+def run(config: Path | None = None, listen: Sequence[str] = ()) -> int:
+    """Route until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    config : Path, optional
+        A JSON5 file as zenohd reads it.
+    listen : sequence of str
+        Endpoints to listen at, instead of those of the file; without both: ``tcp/0.0.0.0:7447``.
+
+    Returns
+    -------
+    int
+        0 after an orderly end, 1 where an endpoint is taken or the file cannot be used.
+    """
+    stop = stop_on_signals()
+    if config is None and not listen:
+        listen = ("tcp/0.0.0.0:7447",)
+    try:
+        router = Router(listen=listen, config_file=config)
+    except TransportError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(f"routing at {', '.join(listen) or f'the endpoints of {config}'}", file=sys.stderr)
+    stop.wait()
+    timer = end_within(STOP_S)
+    router.close()
+    timer.cancel()
+    return 0

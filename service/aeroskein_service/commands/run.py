@@ -1,0 +1,53 @@
+"""``aeroskein run``: the fusion service, from the first wait for the router to the last status."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from typing import Final
+
+from aeroskein_service.config import Config
+from aeroskein_service.http import ListenError
+from aeroskein_service.neighbours import AnotherServiceError
+from aeroskein_service.service import Service
+from aeroskein_service.signals import end_within, stop_on_signals
+from aeroskein_service.state_store import StateError
+from aeroskein_service.transport import OpenCancelledError, TransportError
+
+__all__ = ["run"]
+
+STOP_S: Final = 4.8  # an orderly end that takes longer is ended by force
+LOOK_S: Final = 0.5  # how often a failed worker is looked for
+
+
+def run(config: Config) -> int:
+    """Run the service until SIGINT or SIGTERM.
+
+    Returns
+    -------
+    int
+        0 after an orderly end, 1 where it could not start or the worker failed.
+    """
+    stop = stop_on_signals()
+    service = Service(config)
+    try:
+        service.start(stop)
+        return _watch(service, stop)
+    except OpenCancelledError:
+        return 0
+    except (ListenError, StateError, AnotherServiceError, TransportError) as error:
+        print(error, file=sys.stderr)
+        return 1
+    finally:
+        timer = end_within(STOP_S)
+        service.stop()
+        timer.cancel()
+
+
+def _watch(service: Service, stop: threading.Event) -> int:
+    """Wait for the end."""
+    while not stop.wait(LOOK_S):
+        if service.failure is not None:
+            print(f"the worker failed: {service.failure!r}", file=sys.stderr)
+            return 1
+    return 0

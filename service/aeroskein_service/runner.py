@@ -1,0 +1,259 @@
+"""The one thread that runs the engine: takes what has arrived, fuses, publishes, answers questions, counts.
+
+Micro-batches by arrival: whatever is queued is worked on at once, so light traffic has no delay; under load the worker
+lingers a little before it takes the next batch, because a larger batch costs less per report. Nothing else touches the
+engine.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Sequence
+from math import inf
+from time import perf_counter_ns
+from typing import Any, Final
+
+import numpy as np
+import structlog
+
+from aeroskein.engine import FusionEngine
+from aeroskein.events import Dispositions, Event, RegistrationState, Rejections, TrackChanges
+from aeroskein.plots import Plots
+from aeroskein.points import FusedPoints, Product, Status
+from aeroskein.reasons import Reason
+from aeroskein_service.codec import decode_batch
+from aeroskein_service.complaints import Complaints
+from aeroskein_service.inbox import Arrival, Inbox
+from aeroskein_service.messages import VERSION
+from aeroskein_service.publisher import Outlet
+from aeroskein_service.queries import Desk
+from aeroskein_service.stage_clock import StageClock
+from aeroskein_service.state_store import StateStore
+from aeroskein_service.status import Counters, sensor_alarms
+
+__all__ = ["Runner"]
+
+# Batches worked on in one turn, 500 reports at most in each: keeps a turn below a second after an outage.
+TURN_BATCHES: Final = 100
+# Above this many reports in a turn the worker waits before the next one: at 20,000 aircraft 46 % of a core, not 67 %.
+LINGER_REPORTS: Final = 100
+LINGER_S: Final = 0.015
+TICK_S: Final = 0.1  # elements of many aircraft close together, which costs a tenth of closing them one by one
+STATUS_S: Final = 1.0
+REGISTRATION_S: Final = 10.0  # every radar's state goes out at least this often
+LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
+NO_PLOTS: Final = Plots.of(0)
+DRAIN_S: Final = 2.0  # what is queued at the end is worked on for this long, the rest counts as overload
+
+
+class Runner:
+    """The worker thread.
+
+    Parameters
+    ----------
+    engine, inbox, outlet, desk, store, counters, stages
+        What it works with.
+    instance : str
+        This service's name.
+    alarms : callable
+        Sentences from outside the worker: router, other instances, unknown sensors.
+    clock : callable
+        Gives the time. [s since the epoch]
+    """
+
+    def __init__(
+        self,
+        engine: FusionEngine,
+        inbox: Inbox,
+        outlet: Outlet,
+        desk: Desk,
+        store: StateStore,
+        counters: Counters,
+        stages: StageClock,
+        *,
+        instance: str,
+        alarms: Callable[[], Iterable[str]],
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._engine, self._inbox, self._outlet, self._desk = engine, inbox, outlet, desk
+        self._store, self._counters, self._stages = store, counters, stages
+        self._instance, self._alarms, self._clock = instance, alarms, clock
+        self._sensors = engine.settings.sensors
+        self._started_s = self._next_status_s = clock()
+        self._next_registration_s = self._advanced_s = self._next_advance_s = self._started_s
+        self._last_reports = 0
+        self._delay_s = 0.0
+        self._log = structlog.get_logger("aeroskein.runner")
+        self._complaints = Complaints(self._log)
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self.status: dict[str, Any] | None = None
+        self.turned_s = self._started_s
+        self.failure: BaseException | None = None
+        self.ended = threading.Event()
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Take nothing new, finish what is there, publish the last points and the last status; waits for it."""
+        self._inbox.close()
+        self._stopping.set()
+        self._inbox.wake()
+        self._thread.join()
+
+    # -- the thread ----------------------------------------------------------------------------------------------
+    def _run(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._wait()
+                self._turn(self._inbox.take(TURN_BATCHES))
+            self._drain()
+        except BaseException as error:
+            self.failure = error
+            self._log.exception("worker_failed")
+        finally:
+            self.ended.set()
+
+    def _wait(self) -> None:
+        due_s = min(self._next_advance_s, self._next_status_s) - self._clock()
+        news = self._inbox.wait(min(max(due_s, 0.0), STATUS_S))
+        if news and self._last_reports > LINGER_REPORTS:
+            self._stopping.wait(LINGER_S)
+
+    def _turn(self, arrivals: Sequence[Arrival]) -> None:
+        now_s = self.turned_s = self._clock()
+        plots = self._decode(arrivals)
+        self._last_reports = len(plots)
+        self._engine.want_dispositions = self._outlet.dispositions_wanted
+        if len(plots):
+            with self._stages.measure("engine", len(plots)):
+                events = self._engine.receive(plots, now_s=now_s)
+            self._publish(events)
+        if now_s >= self._next_advance_s:
+            self._advance(now_s)
+        deadline_s = self._engine.next_deadline_s()
+        self._next_advance_s = inf if deadline_s is None else max(deadline_s, self._advanced_s + TICK_S)
+        if arrivals:
+            self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
+        for question in self._inbox.questions():
+            self._desk.answer(question, now_s=now_s)
+        if now_s >= self._next_status_s:
+            self._every_second(now_s)
+
+    def _advance(self, now_s: float) -> None:
+        start_ns = perf_counter_ns()
+        events = self._engine.advance(now_s=now_s)
+        elements = sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
+        self._stages.add("advance", perf_counter_ns() - start_ns, elements)
+        self._advanced_s = now_s
+        self._publish(events)
+
+    def _drain(self) -> None:
+        ends_s = time.monotonic() + DRAIN_S
+        while (arrivals := self._inbox.take(TURN_BATCHES)) and time.monotonic() < ends_s:
+            self._turn(arrivals)
+        for arrival in arrivals:
+            self._counters.reject(arrival.sensor, Reason.OVERLOAD)
+        for question in self._inbox.questions():
+            question.refuse("the service is stopping")
+        now_s = self._clock()
+        self._publish(self._engine.finish(now_s=now_s))
+        self._every_second(now_s, last=True)
+
+    # -- in ------------------------------------------------------------------------------------------------------
+    def _decode(self, arrivals: Sequence[Arrival]) -> Plots:
+        if not arrivals:
+            return NO_PLOTS
+        start_ns = perf_counter_ns()
+        plots = Plots.concatenate([self._open(arrival) for arrival in arrivals])
+        self._stages.add("decode", perf_counter_ns() - start_ns, len(plots))
+        if len(plots):
+            self._counters.see(plots)
+        return plots
+
+    def _open(self, arrival: Arrival) -> Plots:
+        """The good reports of one batch; the others are counted."""
+        sensor, counters = arrival.sensor, self._counters
+        counters.batches[sensor] += 1
+        batch = decode_batch(
+            arrival.payload,
+            arrival.encoding,
+            sensor_id=self._sensors[sensor].id,
+            sensor_index=sensor,
+            received_s=arrival.received_s,
+        )
+        epoch, seq = batch.epoch, batch.seq
+        # A batch that is rejected for its content still came: it leaves no hole.
+        if epoch is not None and seq is not None and not counters.sequences[sensor].take(arrival.key, epoch, seq):
+            counters.reject(sensor, Reason.DUPLICATE_BATCH)
+            return NO_PLOTS
+        for reason, many in batch.rejected.items():
+            counters.reject(sensor, reason, many)
+        if batch.error is not None:
+            self._complaints.warn("batch_rejected", sensor=self._sensors[sensor].id, why=batch.error)
+        return batch.plots
+
+    # -- out -----------------------------------------------------------------------------------------------------
+    def _publish(self, events: Iterable[Event]) -> None:
+        if not self._store.covers(self._engine.next_track_number):
+            self._store.reserve_now(self._engine.next_track_number)
+        for event in events:
+            if isinstance(event, FusedPoints):
+                self._outlet.points(event, published_s=self._clock())
+                self._counters.points[event.product] += len(event)
+            elif isinstance(event, Rejections):
+                self._counters.reports += event.counts
+            elif isinstance(event, Dispositions):
+                self._outlet.dispositions(event)
+            elif isinstance(event, RegistrationState):
+                self._outlet.registration(event)
+            else:
+                self._log_changes(event)
+
+    def _log_changes(self, changes: TrackChanges) -> None:
+        if len(changes.status) > LOGGED_CHANGES:
+            counts = np.bincount(changes.status, minlength=len(Status)).tolist()
+            self._log.info("tracks_changed", **{s.name.lower(): counts[s] for s in Status if counts[s]})
+            return
+        for number, address, status in zip(
+            changes.track_number.tolist(), changes.address.tolist(), changes.status.tolist(), strict=True
+        ):
+            self._log.info(
+                f"track_{Status(status).name.lower()}",
+                track_number=number,
+                address=f"{address:06X}" if address >= 0 else None,
+            )
+
+    # -- every second --------------------------------------------------------------------------------------------
+    def _every_second(self, now_s: float, *, last: bool = False) -> None:
+        self._next_status_s = now_s + STATUS_S
+        if last or now_s >= self._next_registration_s:
+            self._next_registration_s = now_s + REGISTRATION_S
+            for state in self._engine.registration():
+                self._outlet.registration(state)
+        if not last and self._store.wants_snapshot():
+            self._store.keep(self._engine.next_track_number, self._engine.snapshot())
+        self.status = self._make_status(now_s)
+        self._outlet.status(self.status)
+        self._delay_s = 0.0
+
+    def _make_status(self, now_s: float) -> dict[str, Any]:
+        before = {} if self.status is None else self.status["sensors"]
+        sensors = self._counters.per_sensor(self._inbox.depths(), self._inbox.dropped)
+        alarms = [*self._engine.alarms(), *self._alarms()]
+        alarms += sensor_alarms(self._sensors, sensors, before, now_s=now_s, started_s=self._started_s)
+        return {
+            "version": VERSION,
+            "instance": self._instance,
+            "time_s": now_s,
+            "started_s": self._started_s,
+            "sensors": sensors,
+            "tracks": self._engine.track_counts(),
+            "points": {product.name.lower(): count for product, count in self._counters.points.items()},
+            "stages_us": self._engine.stages_us() | self._stages.take_us(),
+            "publish_delay_s": self._delay_s,
+            "alarms": alarms,
+        }
