@@ -6,12 +6,13 @@ become columns in ``report_columns``, fused points bytes in ``point_encoder``.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 
 __all__ = [
     "BATCH_REPORTS",
+    "CONTENT_TYPES",
     "FEED_POINTS",
     "FLAG_NAMES",
     "FUSED_FIELDS",
@@ -36,6 +37,8 @@ FEED_POINTS: Final = 50
 Encoding = Literal["msgpack", "json"]
 MSGPACK: Final = "application/msgpack"
 JSON: Final = "application/json"
+# What stands beside a payload, by the name in the configuration.
+CONTENT_TYPES: Final[dict[Encoding, str]] = {"msgpack": MSGPACK, "json": JSON}
 
 STATUS_NAMES: Final = ("tentative", "confirmed", "coasting", "terminated")
 # In order of the bits of ``aeroskein.points.Flag``.
@@ -158,9 +161,3 @@ class RegistrationMessage(msgspec.Struct, gc=False):
     range_gain_sigma: float | None
     samples: int
     aircraft: int
-
-
-def plain(message: msgspec.Struct) -> dict[str, Any]:
-    """A message as dictionaries and lists."""
-    made: dict[str, Any] = msgspec.to_builtins(message)
-    return made
