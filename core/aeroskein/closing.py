@@ -16,6 +16,7 @@ from aeroskein import manoeuvre
 from aeroskein.closed import Closed, Estimate
 from aeroskein.estimator import estimate
 from aeroskein.gating import GateMemory
+from aeroskein.measurements import COLUMNS
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.settings import EngineSettings
@@ -112,39 +113,38 @@ class ElementTable:
         ----------
         slots : (n,) int64
             Tracks.
-        rings : (n, depth, COLUMN_COUNT) array
-            Their buffered reports.
+        rings : (capacity, depth, COLUMN_COUNT) array
+            The buffered reports of all tracks; what the detector finds is written beside them.
         """
         boundaries = self.boundaries_s[slots]
         centre = 0.5 * (boundaries[:, 0] + boundaries[:, 1])
         horizon = boundaries[:, -1]
         settled = self.settled_s[slots]
         next_settled = np.maximum(np.minimum(centre, horizon - REVISION_S), settled)
-        window = gather(rings, settled, horizon, centre, next_settled)
+        window = gather(rings[slots], settled, horizon, centre, next_settled)
         order = window.lanes
         slots, boundaries, centre = slots[order], boundaries[order], centre[order]
-        density = self._detect(slots, window)
+        self._detect(slots, window)
+        _keep_density(rings, slots, window)
         states = np.ascontiguousarray(self.states[slots].T)
-        result = estimate(
-            window, _windowed_max(window, density), states[:6], states[6:], settled[order], self.gates.take(slots)
-        )
+        result = estimate(window, _windowed_max(window), states[:6], states[6:], settled[order], self.gates.take(slots))
         closed = Closed(slots, self.index[slots], boundaries[:, :2], centre, result, window)
         self._settle(slots, next_settled[order], result)
         self._divide(slots, boundaries, window, result)
         return closed
 
-    def _detect(self, slots: Ints, window: Window) -> Array:
-        """Run the detector over reports it has not seen; density of jerk after each report ``(K, n)``. [m²/s⁵]
+    def _detect(self, slots: Ints, window: Window) -> None:
+        """Run the detector over reports it has not seen, and note the density of jerk that it finds at each.
 
         Every report is seen once, in order of time; one that comes after the detector has passed its time is not.
         """
         fresh = (window.kind == REPORT) & (window.time_s > self.detector.time_s[slots])
         count = fresh.sum(axis=0)
-        density = np.zeros(window.kind.shape)
+        density = window.jerk_density
         lanes = np.argsort(-count, kind="stable")
         rounds = int(count.max(initial=0))
         if rounds == 0:
-            return density
+            return
         work = self.detector.take(slots[lanes])
         active = [int(m) for m in (count[lanes][:, None] > np.arange(rounds)).sum(axis=0)]
         sensor = window.sensor_index
@@ -163,7 +163,6 @@ class ElementTable:
             work.update(columns, sensor[event, lane], lag, np.ones(m, dtype=np.bool_))
             density[event, lane] = manoeuvre.jerk_density(work.mu[:, :m])
         self.detector.put(slots[lanes], work)
-        return density
 
     def _settle(self, slots: Ints, settled_s: Array, result: Estimate) -> None:
         self.settled_s[slots] = settled_s
@@ -189,9 +188,16 @@ class ElementTable:
         self.index[slots] += 1
 
 
-def _windowed_max(window: Window, density: Array) -> Array:
-    """For each event the largest density from one second before to four seconds after it, ``(K, n)``."""
+def _keep_density(rings: Array, slots: Ints, window: Window) -> None:
+    """The detector passes each report once; later windows find here what it found."""
+    event, lane = np.nonzero(window.kind == REPORT)
+    rings[slots[lane], window.place[event, lane], COLUMNS.index("jerk_density")] = window.jerk_density[event, lane]
+
+
+def _windowed_max(window: Window) -> Array:
+    """For each event the largest density from one second before to four seconds after it, ``(K, n)``. [m²/s⁵]"""
     time = window.time_s
+    density = np.where(window.kind == REPORT, window.jerk_density, 0.0)
     K = len(time)
     largest = np.maximum(density, manoeuvre.JERK_DENSITY[0])
     # ``later`` counts for an event up to AFTER_S before it, ``earlier`` for one up to BEFORE_S behind it.

@@ -313,13 +313,13 @@ class FusionEngine:
         rings = self._buffers.rows[waiting]
         at = np.where(np.isneginf(rings[:, :, 0]), np.inf, rings[:, :, 0]).argmin(axis=1)
         packed = rings[np.arange(len(waiting)), at]
-        report = Measurements(slot=waiting, **{name: packed[:, i] for i, name in enumerate(COLUMNS)})
+        report = Measurements(slot=waiting, **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
         x, P = first_state(report)
         self._elements.start(waiting, report.time_s, np.full(len(waiting), -np.inf), x, P)
 
     def _close(self, slots: Ints) -> list[Event]:
         """Close one element of each track and publish it."""
-        closed = self._elements.close(slots, self._buffers.rows[slots])
+        closed = self._elements.close(slots, self._buffers.rows)
         fused = fusion.fuse(closed, self.settings)
         window = closed.window
         upto = (window.kind == 1) & (window.time_s < closed.span_s[:, 1])

@@ -33,6 +33,8 @@ COLUMNS: Final = (
     "height_m",
     "sensor",
     "received_s",
+    # Not measured: what the manoeuvre detector found at this report, zero before it has been there. [m²/s⁵]
+    "jerk_density",
 )
 COLUMN_COUNT: Final = len(COLUMNS)
 
@@ -88,8 +90,9 @@ class Measurements:
         return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def packed(self) -> Array:
-        """All columns but the slot as rows ``(n, COLUMN_COUNT)``, in the order of ``COLUMNS``."""
-        return np.stack([getattr(self, name) for name in COLUMNS], axis=1)
+        """All columns but the slot, and no density of jerk yet, as rows ``(n, COLUMN_COUNT)``, in the order of ``COLUMNS``."""
+        measured = [getattr(self, name) for name in COLUMNS[:-1]]
+        return np.stack([*measured, np.zeros(len(self))], axis=1)
 
     @property
     def trace_m2(self) -> Array:

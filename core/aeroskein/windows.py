@@ -38,6 +38,8 @@ class Window:
     ----------
     lanes : (n,) int64
         Where each lane stood in the caller's order.
+    place : (K, n) int64
+        Where each report lies in its ring.
     columns : (COLUMN_COUNT, K, n) float64
         The packed reports; only the time is set for marks.
     kind : (K, n) int8
@@ -47,6 +49,7 @@ class Window:
     """
 
     lanes: Ints
+    place: Ints
     columns: Array
     kind: NDArray[np.int8]
     active: list[int]
@@ -94,10 +97,12 @@ def gather(rows: Array, after_s: Array, until_s: Array, centre_s: Array, settled
     depth = rows.shape[1]
     packed = np.empty((n, K, COLUMN_COUNT))
     is_mark = order >= depth
-    packed[...] = rows[lanes[:, None], np.minimum(order, depth - 1)]
+    place = np.minimum(order, depth - 1)
+    packed[...] = rows[lanes[:, None], place]
     packed[:, :, TIME] = np.minimum(np.take_along_axis(keys, order, axis=1), NEVER_S)
     kind = np.full((n, K), REPORT, dtype=np.int8)
     kind[is_mark] = CENTRE + (order[is_mark] - depth)
     kind[np.arange(K) >= count[:, None]] = NOTHING
     active = [int(m) for m in (count[:, None] > np.arange(K)).sum(axis=0)]
-    return Window(lanes, np.ascontiguousarray(packed.transpose(2, 1, 0)), np.ascontiguousarray(kind.T), active)
+    columns = np.ascontiguousarray(packed.transpose(2, 1, 0))
+    return Window(lanes, place.T, columns, np.ascontiguousarray(kind.T), active)
