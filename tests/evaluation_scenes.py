@@ -71,7 +71,8 @@ def points_on(
     """A confirmed point at every sample of truth, moved by known distances along geodesics."""
     n = len(truth)
     if along_m is not None or across_m is not None:
-        along, across = np.broadcast_to(along_m or 0.0, n), np.broadcast_to(across_m or 0.0, n)
+        along = np.broadcast_to(0.0 if along_m is None else along_m, n)
+        across = np.broadcast_to(0.0 if across_m is None else across_m, n)
         distance = np.hypot(along, across)
         azimuth = truth.track_angle_deg + np.degrees(np.arctan2(across, along))
     else:

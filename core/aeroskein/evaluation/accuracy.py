@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein.evaluation.residuals import Residuals
-from aeroskein.evaluation.results import Accuracy, Consistency, FlightResult, PhaseAccuracy, Worst
+from aeroskein.evaluation.figures import Accuracy, Consistency, FlightResult, PhaseAccuracy, Worst
+from aeroskein.evaluation.residuals import MIN_ANGLE_SPEED_MPS, Residuals
 from aeroskein.evaluation.spread import signed_spread, spread
 from aeroskein.plots import Array
 
@@ -34,6 +34,7 @@ def accuracy_of(residuals: Residuals) -> Accuracy:
         horizontal_m=spread(residuals.horizontal_m),
         along_m=signed_spread(residuals.along_m),
         across_m=signed_spread(residuals.across_m),
+        position_latency_s=signed_spread(_latency_s(residuals)),
         height_m=signed_spread(residuals.height_m),
         altitude_m=signed_spread(residuals.altitude_m),
         velocity_mps=spread(residuals.velocity_mps),
@@ -43,6 +44,12 @@ def accuracy_of(residuals: Residuals) -> Accuracy:
         position_consistency=consistency_of(residuals.position_nees),
         velocity_consistency=consistency_of(residuals.velocity_nees),
     )
+
+
+def _latency_s(residuals: Residuals) -> Array:
+    """How late the position is: the distance it lags behind the truth, over the truth's speed. [s]"""
+    fast = residuals.truth_speed_mps >= MIN_ANGLE_SPEED_MPS
+    return -residuals.along_m[fast] / residuals.truth_speed_mps[fast]
 
 
 def by_phase(residuals: Residuals, phases: tuple[str, ...]) -> tuple[PhaseAccuracy, ...]:

@@ -2,31 +2,61 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from aeroskein.evaluation.accuracy import accuracy_of, by_flight, by_phase, worst_flight, worst_point
 from aeroskein.evaluation.columns import PointColumns, Truth
+from aeroskein.evaluation.continuity import INTERVALS_S, continuity_of, span_cover
+from aeroskein.evaluation.figures import SensorEvaluation
+from aeroskein.evaluation.gospa import gospa_of
+from aeroskein.evaluation.identity import identity_of
+from aeroskein.evaluation.instants import picture_of
 from aeroskein.evaluation.matching import Matches, match
+from aeroskein.evaluation.measures import common_measures, interval_measures
+from aeroskein.evaluation.requirements import rows_of
 from aeroskein.evaluation.residuals import residuals_of
 from aeroskein.evaluation.results import Evaluation, EvaluationSettings, ProductEvaluation
+from aeroskein.evaluation.roughness import roughness_of
+from aeroskein.evaluation.sensors import SensorReports, evaluate_sensors, reported_of
 from aeroskein.evaluation.spread import percentile_interval, rms_interval
+from aeroskein.evaluation.timing import timing_of
 from aeroskein.evaluation.truth_curve import TruthCurve
-from aeroskein.plots import Array, Bools
-from aeroskein.points import Product, Status
+from aeroskein.evaluation.windows import Windows, is_held, windows_of
+from aeroskein.points import Product
 
 __all__ = ["evaluate"]
 
 
+@dataclass(slots=True, eq=False)
+class _Case:
+    """What every part of one evaluation shares."""
+
+    settings: EvaluationSettings
+    curve: TruthCurve
+    windows: Windows
+    sensors: tuple[SensorEvaluation, ...]
+
+
 def evaluate(
-    points: PointColumns, truth: Truth, *, name: str = "", settings: EvaluationSettings | None = None
+    points: PointColumns,
+    truth: Truth | TruthCurve,
+    *,
+    reports: SensorReports | None = None,
+    name: str = "",
+    settings: EvaluationSettings | None = None,
 ) -> Evaluation:
     """Judge published points against truth.
 
     Parameters
     ----------
     points : PointColumns
-        Everything one program published, both products, any order.
-    truth : Truth
+        Everything one program published, both products, in the order in which it was published.
+    truth : Truth or TruthCurve
+        A curve that was made once can be used for several files.
+    reports : SensorReports, optional
+        The raw reports behind the points: they are judged too, and tell when each flight was first and last seen.
     name : str
         What to call it in reports.
     settings : EvaluationSettings, optional
@@ -37,68 +67,65 @@ def evaluate(
         One part per product that occurs in the points.
     """
     settings = settings or EvaluationSettings()
-    curve = TruthCurve(truth, settings.max_truth_gap_s)
+    curve = truth if isinstance(truth, TruthCurve) else TruthCurve(truth, settings.max_truth_gap_s)
     matches = match(points, curve, settings.gate_m)
-    first_s = first_report_s(points, matches, curve)
-    seen = np.unique(matches.flight[matches.flight >= 0])
-    without = [flight for i, flight in enumerate(curve.names) if i not in set(seen.tolist())]
+    reported = None if reports is None else reported_of(reports, curve)
+    windows = windows_of(points, matches, curve, settings.from_s, reported)
+    sensors = () if reports is None else evaluate_sensors(reports, curve, windows)
+    case = _Case(settings, curve, windows, sensors)
+    seen = set(np.unique(matches.flight).tolist())
     return Evaluation(
         name=name,
         settings=settings,
         flights=len(curve.names),
-        flights_without_points=tuple(without),
+        flights_without_points=tuple(flight for i, flight in enumerate(curve.names) if i not in seen),
         products=tuple(
-            _product(points, matches, curve, first_s, product, settings)
-            for product in Product
-            if points.is_product(product).any()
+            _product(points, matches, product, case) for product in Product if points.is_product(product).any()
         ),
+        sensors=sensors,
     )
 
 
-def first_report_s(points: PointColumns, matches: Matches, curve: TruthCurve) -> Array:
-    """When each flight was first heard of, as far as the published points tell, NaN if never; ``(flights,)``. [s]
-
-    Tentative points count, and so does the start of an element's span: it reaches back to the first report.
-    """
-    first = np.full(len(curve.names), np.inf)
-    earliest = np.fmin(points.time_s, points.span_s[:, 0])
-    known = (matches.flight >= 0) & np.isfinite(earliest)
-    np.minimum.at(first, matches.flight[known], earliest[known])
-    return np.where(np.isfinite(first), first, np.nan)
-
-
-def is_judged(points: PointColumns, matches: Matches, first_s: Array, from_s: float) -> Bools:
-    """Confirmed or coasting points, late enough after the first report of their flight; shape ``(n,)``."""
-    status = (points.status == int(Status.CONFIRMED)) | (points.status == int(Status.COASTING))
-    if len(first_s) == 0:
-        return np.zeros(len(points), dtype=np.bool_)
-    settled = points.time_s >= first_s[np.maximum(matches.flight, 0)] + from_s
-    return np.asarray(status & (matches.flight >= 0) & settled)
-
-
-def _product(
-    points: PointColumns,
-    matches: Matches,
-    curve: TruthCurve,
-    first_s: Array,
-    product: Product,
-    settings: EvaluationSettings,
-) -> ProductEvaluation:
+def _product(points: PointColumns, matches: Matches, product: Product, case: _Case) -> ProductEvaluation:
+    settings, curve, windows = case.settings, case.curve, case.windows
     mine = points.is_product(product)
-    judged = mine & is_judged(points, matches, first_s, settings.from_s)
-    residuals = residuals_of(points, np.where(judged, matches.flight, -1), curve)
+    points, flight = points.take(mine), matches.flight[mine]
+    held = is_held(points)
+    judged = held & windows.contain(flight, points.time_s)
+    residuals = residuals_of(points, np.where(judged, flight, -1), curve)
+    picture = picture_of(points, held, curve, windows, step_s=settings.step_s, cutoff_m=settings.cutoff_m)
+    timing = timing_of(points)
+    identity = identity_of(points, held, flight, picture, curve, windows, settings.step_s)
+    continuity = tuple(continuity_of(points, flight, windows, curve, interval_s) for interval_s in INTERVALS_S)
+    hours = len(np.unique(picture.truth_step)) * settings.step_s / 3600.0
+    common = common_measures(residuals, timing, identity, hours)
+    by_column = interval_measures(points, flight, residuals, continuity, windows, curve)
     flights = by_flight(residuals, curve.names)
-    size, flight = residuals.horizontal_m, residuals.flight
+    accuracy = accuracy_of(residuals)
+    size, resamples, seed = residuals.horizontal_m, settings.resamples, settings.seed
     return ProductEvaluation(
         product=product.name.lower(),
-        points=int(mine.sum()),
+        points=len(points),
         judged=len(residuals),
-        accuracy=accuracy_of(residuals),
-        rms_interval_m=rms_interval(size, flight, resamples=settings.resamples, seed=settings.seed),
-        p95_interval_m=percentile_interval(size, flight, 95.0, resamples=settings.resamples, seed=settings.seed),
+        accuracy=accuracy,
+        rms_interval_m=rms_interval(size, residuals.flight, resamples=resamples, seed=seed),
+        p95_interval_m=percentile_interval(size, residuals.flight, 95.0, resamples=resamples, seed=seed),
         phases=by_phase(residuals, curve.phases),
         flights=flights,
         worst_rms_m=worst_flight(flights),
         worst_point_m=worst_point(flights),
+        roughness=roughness_of(points, held, residuals),
+        timing=timing,
+        continuity=continuity,
+        span_cover=span_cover(points, flight, windows) if product is Product.ELEMENT else None,
+        gospa=gospa_of(picture, settings.cutoff_m),
+        identity=identity,
+        requirements=rows_of({column: common | own for column, own in by_column.items()}),
+        ratio_to_sensor=_ratios(accuracy.horizontal_m.rms, case.sensors),
         residuals=residuals,
     )
+
+
+def _ratios(rms_m: float | None, sensors: tuple[SensorEvaluation, ...]) -> dict[str, float]:
+    """RMS of the product over the RMS of each sensor's raw reports, where both are known."""
+    return {s.sensor: rms_m / s.horizontal_m.rms for s in sensors if rms_m is not None and s.horizontal_m.rms}

@@ -26,7 +26,7 @@ from aeroskein.evaluation.geometry import (
 from aeroskein.evaluation.truth_curve import CLIMB_RATE_MPS, TURN_RATE_DEGPS, TruthCurve, TruthStates
 from aeroskein.plots import Array, Bools, Ints
 
-__all__ = ["MIN_ANGLE_SPEED_MPS", "Residuals", "residuals_of"]
+__all__ = ["MIN_ANGLE_SPEED_MPS", "Residuals", "along_across", "nees", "residuals_of"]
 
 # Below 40 kt a velocity error of 1 m/s is 3 degrees of track angle and a hovering aircraft has none at all.
 MIN_ANGLE_SPEED_MPS: Final = 20.0
@@ -47,6 +47,8 @@ class Residuals:
     track_number : (n,) int64
     time_s : (n,) float64
         [s since the epoch]
+    error_m : (n, 2) float64
+        East and north, in the plane at the truth. [m]
     horizontal_m, along_m, across_m : (n,) float64
         Distance; ahead of the truth and right of it, NaN where truth hardly moves. [m]
     height_m, altitude_m : (n,) float64
@@ -69,6 +71,7 @@ class Residuals:
     flight: Ints
     track_number: Ints
     time_s: Array
+    error_m: Array
     horizontal_m: Array
     along_m: Array
     across_m: Array
@@ -122,7 +125,7 @@ def residuals_of(points: PointColumns, flight: Ints, curve: TruthCurve) -> Resid
     offset = ecef(up_vector(kept.lat_deg, kept.lon_deg), height) - truth.position
     error_m = rotate_to_east_north(offset, east, north)
     speed, velocity = _velocity_errors(kept, truth, east, north)
-    along, across = _along_across(error_m, speed["true"])
+    along, across = along_across(error_m, speed["true"])
     position_nees = nees(rotate_to_east_north(offset, own_east, own_north), kept.position_cov_m2)
     velocity_nees = nees(rotate_to_east_north(velocity, own_east, own_north), kept.velocity_cov_m2ps2)
     return Residuals(
@@ -130,6 +133,7 @@ def residuals_of(points: PointColumns, flight: Ints, curve: TruthCurve) -> Resid
         flight=flight[rows],
         track_number=kept.track_number,
         time_s=kept.time_s,
+        error_m=error_m,
         horizontal_m=np.hypot(error_m[:, 0], error_m[:, 1]),
         along_m=along,
         across_m=across,
@@ -188,7 +192,7 @@ def _velocity_errors(
     return parts, fused - level
 
 
-def _along_across(error_m: Array, true_mps: Array) -> tuple[Array, Array]:
+def along_across(error_m: Array, true_mps: Array) -> tuple[Array, Array]:
     """Components ahead of and right of the true direction of motion; NaN where there is hardly any."""
     speed = np.hypot(true_mps[:, 0], true_mps[:, 1])
     moving = speed > _MIN_ALONG_SPEED_MPS

@@ -1,6 +1,6 @@
 """What an evaluation says: a tree of frozen values that turns into JSON with stable keys.
 
-None means "not measurable here". Field names are the keys of ``aeroskein evaluate --json``; they only grow.
+Field names are the keys of ``aeroskein evaluate --json``; they only grow.
 """
 
 from __future__ import annotations
@@ -12,22 +12,24 @@ from typing import Any
 
 import numpy as np
 
+from aeroskein.evaluation.figures import (
+    Accuracy,
+    Continuity,
+    FlightResult,
+    Gospa,
+    Identity,
+    Interval,
+    PhaseAccuracy,
+    RequirementRow,
+    Roughness,
+    SensorEvaluation,
+    SpanCover,
+    Timing,
+    Worst,
+)
 from aeroskein.evaluation.residuals import Residuals
 
-__all__ = [
-    "Accuracy",
-    "Consistency",
-    "Evaluation",
-    "EvaluationSettings",
-    "FlightResult",
-    "Interval",
-    "PhaseAccuracy",
-    "ProductEvaluation",
-    "SignedSpread",
-    "Spread",
-    "Worst",
-    "as_dict",
-]
+__all__ = ["Evaluation", "EvaluationSettings", "ProductEvaluation", "as_dict"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,90 +53,6 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """A 95 % confidence interval."""
-
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
-    """Sizes of errors, in the unit of the quantity."""
-
-    count: int = 0
-    rms: float | None = None
-    p50: float | None = None
-    p95: float | None = None
-    p99: float | None = None
-    max: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignedSpread:
-    """Errors with a sign; ``p95`` and ``max`` are of the absolute value."""
-
-    count: int = 0
-    mean: float | None = None
-    rms: float | None = None
-    p95: float | None = None
-    max: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Consistency:
-    """Whether the stated covariance is honest: mean NEES (ideal 2) and share inside the 95 % ellipse."""
-
-    count: int = 0
-    mean_nees: float | None = None
-    coverage_95: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Accuracy:
-    """Errors of a set of points. [m, m/s, deg]"""
-
-    horizontal_m: Spread
-    along_m: SignedSpread
-    across_m: SignedSpread
-    height_m: SignedSpread
-    altitude_m: SignedSpread
-    velocity_mps: Spread
-    ground_speed_mps: SignedSpread
-    track_angle_deg: SignedSpread
-    vertical_rate_mps: SignedSpread
-    position_consistency: Consistency
-    velocity_consistency: Consistency
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PhaseAccuracy:
-    """Errors in one phase of flight."""
-
-    phase: str
-    accuracy: Accuracy
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Worst:
-    """The largest of something: which flight, how much, when."""
-
-    flight: str
-    value: float
-    time_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightResult:
-    """One flight."""
-
-    flight: str
-    points: int
-    horizontal_m: Spread
-    max_time_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class ProductEvaluation:
     """Everything about one product of one fused file."""
 
@@ -148,6 +66,14 @@ class ProductEvaluation:
     flights: tuple[FlightResult, ...]
     worst_rms_m: Worst | None
     worst_point_m: Worst | None
+    roughness: Roughness
+    timing: Timing
+    continuity: tuple[Continuity, ...]
+    span_cover: SpanCover | None
+    gospa: Gospa
+    identity: Identity
+    requirements: tuple[RequirementRow, ...]
+    ratio_to_sensor: dict[str, float]
     residuals: Residuals = field(repr=False, metadata={"json": False})
 
 
@@ -160,6 +86,7 @@ class Evaluation:
     flights: int
     flights_without_points: tuple[str, ...]
     products: tuple[ProductEvaluation, ...]
+    sensors: tuple[SensorEvaluation, ...]
 
 
 def as_dict(value: Any) -> Any:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.evaluation.results import Interval, SignedSpread, Spread
+from aeroskein.evaluation.figures import Interval, SignedSpread, Spread
 from aeroskein.plots import Array, Ints
 
 __all__ = ["mean_square_root", "percentile_interval", "rms_interval", "signed_spread", "spread"]

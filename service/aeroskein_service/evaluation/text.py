@@ -9,7 +9,8 @@ from typing import Final
 from rich.console import Console
 from rich.table import Table
 
-from aeroskein.evaluation.results import Accuracy, Evaluation, Interval, ProductEvaluation, Worst
+from aeroskein.evaluation.figures import Accuracy, Interval, Worst
+from aeroskein.evaluation.results import Evaluation, ProductEvaluation
 
 __all__ = ["print_evaluations"]
 

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
+from tests.evaluation_scenes import START_S, points_on, truth_of
 
 from aeroskein.evaluation import EvaluationSettings, PointColumns, Truth, evaluate
 from aeroskein.evaluation.accuracy import COVERAGE_NEES
 from aeroskein.points import Product, Status
-from scipy.stats import chi2
-from tests.evaluation_scenes import START_S, points_on, truth_of
 
 FROM_START = EvaluationSettings(from_s=0.0)
 
