@@ -26,8 +26,8 @@ LARGEST_CONSISTENCY_RATIO: Final = 0.1
 # Saaty's mean consistency index of random reciprocal matrices of size 1 to 10.
 RANDOM_INDEX: Final = (0.0, 0.0, 0.58, 0.90, 1.12, 1.24, 1.32, 1.41, 1.45, 1.49)
 
-# How far u_ij u_ji may be from one: a matrix typed with three digits (0.333 for 1/3) is meant as reciprocal.
-RECIPROCAL_TOLERANCE: Final = 2e-3
+# How far u_ij u_ji may be from one: a matrix typed with two digits (0.33 for 1/3) is meant as reciprocal.
+RECIPROCAL_TOLERANCE: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,8 +113,9 @@ def _checked(matrix: Sequence[Sequence[float]] | Array) -> Array:
     u = np.asarray(matrix, dtype=np.float64)
     if not (np.isfinite(u).all() and (u > 0.0).all()):
         _refuse(f"expected numbers above 0, got {u[~(np.isfinite(u) & (u > 0.0))][0]}")
-    i, j = np.unravel_index(int(np.abs(np.log(u) + np.log(u.T)).argmax()), u.shape)
-    if abs(np.log(u[i, j]) + np.log(u[j, i])) > RECIPROCAL_TOLERANCE:
+    contradiction = np.abs(np.log(u) + np.log(u.T))
+    i, j = np.unravel_index(int(contradiction.argmax()), u.shape)
+    if 1.0 - np.exp(-contradiction[i, j]) > RECIPROCAL_TOLERANCE:
         _refuse(f"expected row {j + 1} column {i + 1} to be 1 / {u[i, j]:g}, got {u[j, i]:g}")
     return u
 

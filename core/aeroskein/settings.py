@@ -11,6 +11,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Final, Literal
 
+from aeroskein.ahp import pairwise_weights
 from aeroskein.errors import SettingsError, UnknownSensorError
 
 __all__ = [
@@ -270,6 +271,7 @@ class AssociationSettings:
             "association.pairwise",
             "expected u_ji = 1 / u_ij and 1 on the diagonal",
         )
+        pairwise_weights(self.pairwise)  # refuses comparisons that contradict each other
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

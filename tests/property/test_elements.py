@@ -103,9 +103,10 @@ def test_a_flight_seen_from_elsewhere_keeps_its_coordinates(
     s, c, piece = axis.project_on_axis(point, line[None])
     seen_s, seen_c, seen_piece = axis.project_on_axis(point @ turn.T + origin, (line @ turn.T + origin)[None])
 
-    # Two pieces may be equally near; then rounding chooses, and only the distance is certain.
-    assert abs(abs(seen_c.item()) - abs(c.item())) < 1e-6
-    assert piece.item() != seen_piece.item() or abs(seen_s.item() - s.item()) < 1e-6
+    # Two pieces may be equally near (laps, crossings); then rounding chooses.
+    assume(piece.item() == seen_piece.item())
+    assert abs(seen_s.item() - s.item()) < 1e-6
+    assert abs(seen_c.item() - c.item()) < 1e-6
 
 
 @given(st.lists(places, min_size=2, max_size=6), st.floats(1.0, 3000.0))

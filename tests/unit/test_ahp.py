@@ -69,8 +69,8 @@ def test_one_or_two_factors_cannot_contradict(matrix: list[list[float]]) -> None
     assert made.weights.sum() == pytest.approx(1.0)
 
 
-def test_a_matrix_typed_with_three_digits_is_accepted() -> None:
-    made: PairwiseWeights = pairwise_weights([[1, 3, 7], [0.333, 1, 2], [0.143, 0.5, 1]])
+def test_a_matrix_typed_with_two_digits_is_accepted() -> None:
+    made: PairwiseWeights = pairwise_weights([[1, 3, 5], [0.33, 1, 2], [0.2, 0.5, 1]])
 
     assert made.weights.sum() == pytest.approx(1.0)
 
@@ -97,6 +97,18 @@ def test_a_matrix_that_cannot_work_is_refused_by_name(matrix: list[list[float]],
 
     assert caught.value.key == "association.pairwise"
     assert said in caught.value.expected
+
+
+def test_a_contradictory_matrix_stops_the_settings() -> None:
+    contradictory = (
+        (1.0, 9.0, 1 / 9, 1.0),
+        (1 / 9, 1.0, 9.0, 1.0),
+        (9.0, 1 / 9, 1.0, 1.0),
+        (1.0, 1.0, 1.0, 1.0),
+    )
+
+    with pytest.raises(SettingsError, match="consistency ratio"):
+        AssociationSettings(pairwise=contradictory)
 
 
 def test_missing_factors_leave_their_weight_to_the_others() -> None:
