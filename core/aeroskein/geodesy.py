@@ -140,7 +140,7 @@ def from_plane(frames: Array, e_m: Array, n_m: Array) -> tuple[Array, Array]:
 def local_axes(frames: Array, lat_deg: Array, lon_deg: Array, height_m: Array | None = None) -> Array:
     """Jacobian from the local east-north axes at each point to its fusion plane.
 
-    It holds the meridian convergence (0.7 degrees at 80 km from the origin at latitude 48), the contraction of the
+    It holds the meridian convergence (0.8 degrees at 80 km from the origin at latitude 48), the contraction of the
     plane (1.2e-4 at 100 km), and, where the height is given, that the aircraft moves (R + h) / R faster than its foot
     point. ``rotate_vector`` and ``rotate_covariance`` apply it; ``invert_axes`` gives the way back.
 

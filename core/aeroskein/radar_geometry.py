@@ -2,7 +2,7 @@
 
 A radar measures the length and the direction of the line to the target, not where it is over ground. With the height
 above the ellipsoid, known from Mode C, the elevation follows: first on a sphere that fits the site, then by Newton
-steps on the true height, so that site, target and ellipsoid agree to a micrometre at any range. The derivatives of
+steps on the true height, so that site, target and ellipsoid agree to rounding at any range. The derivatives of
 that position with respect to range, azimuth and height, taken where the target is, carry noise and biases over.
 
 A site travels as a row like a frame: ``geodesy.frame_rows(lat_deg, lon_deg, height_m)`` with the antenna's height.
