@@ -101,10 +101,13 @@ class ReportBuffers:
         same &= rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None]
         return same.any(axis=1)
 
-    def earliest_s(self, slots: Ints) -> Array:
-        """Time of the oldest report in each ring, inf where empty. [s]"""
-        times = self.rows[slots, :, TIME]
-        return np.where(np.isneginf(times), np.inf, times).min(axis=1)
+    def earliest(self, slots: Ints) -> tuple[Array, Array]:
+        """Time ``(n,)`` and packed row ``(n, COLUMN_COUNT)`` of the oldest report in each ring, inf where empty. [s]"""
+        rows = self.rows[slots]
+        times = np.where(np.isneginf(rows[:, :, TIME]), np.inf, rows[:, :, TIME])
+        at = times.argmin(axis=1)
+        row = np.arange(len(slots))
+        return times[row, at], rows[row, at]
 
 
 def ranks(sorted_groups: Ints) -> Ints:

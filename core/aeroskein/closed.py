@@ -22,9 +22,9 @@ class Estimate:
     ----------
     x, P : (6, n), (n, 6, 6)
         Smoothed state at the centre. [m, m/s, m/s²]
-    filtered_x, filtered_P : (6, n), (24, n)
+    filtered_x, filtered_covariance : (6, n), (24, n)
         The forward pass's own state at the centre.
-    settled_x, settled_P : (6, n), (24, n)
+    settled_x, settled_covariance : (6, n), (24, n)
         Forward state at the settled time: where the next element begins.
     settled_memory : GateMemory
         Gates at the settled time.
@@ -37,9 +37,9 @@ class Estimate:
     x: Array
     P: Array
     filtered_x: Array
-    filtered_P: Array
+    filtered_covariance: Array
     settled_x: Array
-    settled_P: Array
+    settled_covariance: Array
     settled_memory: GateMemory
     reason: NDArray[np.uint8]
     half_width_m: Array

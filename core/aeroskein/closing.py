@@ -166,7 +166,7 @@ class ElementTable:
 
     def _settle(self, slots: Ints, settled_s: Array, result: Estimate) -> None:
         self.settled_s[slots] = settled_s
-        self.states[slots] = np.concatenate([result.settled_x, result.settled_P]).T
+        self.states[slots] = np.concatenate([result.settled_x, result.settled_covariance]).T
         self.gates.put(slots, result.settled_memory)
 
     def _divide(self, slots: Ints, boundaries: Array, window: Window, result: Estimate) -> None:

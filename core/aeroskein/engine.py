@@ -3,7 +3,7 @@
 The only file that knows the order of the stages:
 
     receive   intake -> registration -> identity -> place -> repeats -> buffers -> live filter -> live points
-    advance   start of elements -> closing -> fusion -> element points -> coasting -> termination
+    advance   start of elements -> closing -> master -> fusion -> element points -> coasting -> termination
 
 Time is an argument; what happened comes back as events, in columns.
 """
@@ -11,474 +11,392 @@ Time is an argument; what happened comes back as events, in columns.
 from __future__ import annotations
 
 import math
-from typing import Final, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from aeroskein import conversion, fusion
-from aeroskein.assembly import PlaneState, assemble
-from aeroskein.buffers import ReportBuffers, ring_depth
-from aeroskein.closed import Closed
-from aeroskein.closing import ElementTable
-from aeroskein.events import Dispositions, Event, RegistrationState, Rejections, TrackChanges
-from aeroskein.frames import FrameTable
-from aeroskein.intake import Intake, Verdicts
-from aeroskein.live import LiveProduct, first_state
-from aeroskein.master_track import MasterChoice
+from aeroskein import ageing, conversion, dispositions, fusion, snapshots
+from aeroskein.engine_state import EngineState, StageClock
+from aeroskein.events import Event, RegistrationState, Rejections
+from aeroskein.intake import Batch, Intake, Verdicts
+from aeroskein.live import first_state
 from aeroskein.measurements import COLUMNS, Measurements
 from aeroskein.plots import Array, Bools, Ints, Plots
-from aeroskein.points import Flag, FusedPoints, Product, Status
+from aeroskein.points import FusedPoints, Product, Status
+from aeroskein.publishing import element_points, live_points, live_state
 from aeroskein.reasons import Reason
-from aeroskein.repeats import SensorMemory, is_implausible
+from aeroskein.references import ReferenceSampler, compare
+from aeroskein.registration import Registration
+from aeroskein.repeats import is_implausible
 from aeroskein.selection import Selection
 from aeroskein.settings import EngineSettings
-from aeroskein.tracks import TrackTable
-from aeroskein.vertical import fit_at
+from aeroskein.windows import REPORT
 
-__all__ = ["FusionEngine"]
+__all__ = ["ElementRecord", "FusionEngine"]
 
-# Elements are closed together, not one aircraft at a time: a pass costs milliseconds however few it closes. [s]
-TICK_S: Final = 0.1
-# Elements closed in one pass; more would keep input waiting.
+# Elements closed in one pass; more would keep input waiting, fewer would pay the fixed cost of a pass more often.
 LANES: Final = 512
-# Terminated tracks stay visible to queries for this long. [s]
-KEEP_TERMINATED_S: Final = 60.0
-# A coasting track is published this often. [s]
-COAST_PERIOD_S: Final = 1.0
+# Registration moves slowly; once a second is often enough. [s]
+REGISTRATION_PERIOD_S: Final = 1.0
+
+
+@dataclass(slots=True)
+class ElementRecord:
+    """One closed element as the engineer's query shows it: plain numbers, see docs/messages.md."""
+
+    content: dict[str, Any]
 
 
 class FusionEngine:
-    """Reports in, fused points out. Time is an argument (seconds since the epoch, UTC)."""
+    """Reports in, fused points out. Time is an argument (seconds since the epoch, UTC).
 
-    def __init__(self, settings: EngineSettings, *, epoch_ms: int, first_track_number: int = 1) -> None:
+    Parameters
+    ----------
+    settings : EngineSettings
+        Sensors and methods.
+    epoch_ms : int
+        Start of this service; stands in every fused point. [ms since the epoch]
+    first_track_number : int
+        Numbers below this have been used before.
+    stopwatch_s : callable, optional
+        Any running clock, read between stages for ``stages_us``; absent: nothing is measured. [s]
+    """
+
+    def __init__(
+        self,
+        settings: EngineSettings,
+        *,
+        epoch_ms: int,
+        first_track_number: int = 1,
+        stopwatch_s: Callable[[], float] | None = None,
+    ) -> None:
         self.settings = settings
         self.epoch_ms = epoch_ms
         self.want_dispositions = False
-        self._table = conversion.SensorTable(settings)
+        self._state = EngineState(settings, first_track_number)
         self._intake = Intake(settings)
-        self._frames = FrameTable()
-        self._tracks = TrackTable(settings, first_track_number)
-        capacity, sensors = self._tracks.capacity, len(settings.sensors)
-        self._memory = SensorMemory(capacity, sensors)
-        self._buffers = ReportBuffers(capacity, ring_depth(settings))
-        self._live = LiveProduct(capacity, self._table.altitude_sigma_m)
-        self._elements = ElementTable(settings, capacity)
-        self._masters = MasterChoice(capacity, self._table.period_s)
-        self._seq = np.zeros((len(Product), capacity), dtype=np.int64)
-        self._coasted_s = np.full(capacity, -np.inf)
+        self._registration = Registration(settings)
+        self._sampler = ReferenceSampler(len(settings.sensors))
+        self._registered_s = -math.inf
+        # End of the last element that was published before a restart, by address. [s since the epoch]
+        self._published_until_s: dict[int, float] = {}
+        self._now_s = 0.0
+        self._clock = StageClock(stopwatch_s)
 
     # -- input ---------------------------------------------------------------------------------
     def receive(self, plots: Plots, *, now_s: float) -> list[Event]:
         """Take any number of reports in any order; returns live points, rejections and track changes."""
         if not len(plots):
             return []
+        self._now_s = now_s
+        self._clock.start()
         verdicts = self._intake.check(plots, now_s)
         rows = np.flatnonzero(verdicts.reason == 0)
-        events: list[Event] = []
-        if len(rows):
-            events += self._take_in(plots.take(rows), rows, verdicts, now_s)
+        self._clock.lap("intake", len(plots))
+        events = self._take_in(plots, rows, verdicts, now_s) if len(rows) else []
         events.append(Rejections(verdicts.counts(plots.sensor, len(self.settings.sensors))))
         if self.want_dispositions:
-            events.append(self._dispositions(plots, verdicts))
+            events.append(dispositions.of_batch(plots, verdicts, self._state.tracks))
         return events
 
     def _take_in(self, plots: Plots, rows: Ints, verdicts: Verdicts, now_s: float) -> list[Event]:
         """Give checked reports to their tracks, filter, and publish live."""
-        known = plots.address >= 0
-        verdicts.refuse(rows, ~known, Reason.UNASSOCIATED)
-        plots, rows = plots.take(known), rows[known]
-        if not len(plots):
+        state = self._state
+        batch = self._placed(plots if len(rows) == len(plots) else plots.take(rows), rows)
+        state.reports.add(now_s, batch.raw, batch.located.lat_deg, batch.located.lon_deg)
+        batch = batch.without(batch.raw.address < 0, Reason.UNASSOCIATED, verdicts)
+        batch = batch.without(~batch.located.feasible, Reason.IMPLAUSIBLE, verdicts)
+        self._open_tracks(batch)
+        verdicts.slot[batch.rows] = batch.slot
+        self._clock.lap("place", len(rows))
+        batch = self._unrepeated(batch, verdicts)
+        batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
+        reports = self._measured(batch)
+        room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
+        batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
+        self._clock.lap("buffer", len(rows))
+        if not len(batch):
             return []
-        slot = self._tracks.owner(plots.address)
-        located = self._locate(plots, slot)
-        feasible = located.feasible
-        rows = verdicts.refuse(rows, ~feasible, Reason.IMPLAUSIBLE)
-        plots, located, slot = plots.take(feasible), located.take(feasible), slot[feasible]
-        self._open_tracks(plots, located, slot)
-        verdicts.slot[rows] = slot
-        frames = self._frames.rows[self._tracks.frame[slot]]
-        reports = conversion.measure(plots, located, slot, frames, self._table, self._table.time_sigma_s)
-        order = np.flatnonzero(self._usable(plots, reports, rows, verdicts))
-        order = order[np.lexsort((reports.time_s[order], reports.slot[order]))]
-        reports, plots, rows = reports.take(order), plots.take(order), rows[order]
-        room = self._buffers.add(reports, self._elements.settled_s[reports.slot])
-        rows = verdicts.refuse(rows, ~room, Reason.OVERLOAD)
-        reports, plots = reports.take(room), plots.take(room)
-        if not len(reports):
-            return []
-        accepted = self._live.receive(reports, self._begin_states(reports))
-        verdicts.refuse(rows, ~accepted, Reason.OUTLIER)
-        return self._after_receive(plots.take(accepted), reports.take(accepted), now_s)
+        begins = self._begin_states(reports)
+        accepted = state.live.receive(reports, begins)
+        self._clock.lap("live", len(rows))
+        fresh = np.unique(reports.slot[begins])
+        batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
+        return self._after_receive(batch, reports, fresh, now_s)
 
-    def _locate(self, plots: Plots, slot: Ints) -> conversion.Located:
-        """Positions of reports; a radar plot's height is its own altitude, else its track's."""
+    def _placed(self, raw: Plots, rows: Ints) -> Batch:
+        """Correct, identify and locate reports; a radar plot's height is its own altitude, else its track's."""
+        state, plots = self._state, self._corrected(raw)
+        slot = state.tracks.owner(plots.address)
         known = slot >= 0
         at = np.where(known, slot, 0)
-        altitude, height, _, _ = self._live.vertical.at(at, plots.time_s)
-        frame = self._tracks.frame[at]
-        have_frames = len(self._frames.rows) > 0
-        offset = np.where(known, self._frames.offset_m[frame], 0.0) if have_frames else np.zeros(len(plots))
+        altitude, height, _, _ = state.live.vertical.at(at, plots.time_s)
         own_offset = np.where(known, height - altitude, np.nan)
+        offset, sigma = state.frames.offset_near(state.tracks.frame[at], known)
         offset = np.where(np.isnan(own_offset), offset, own_offset)
-        sigma = self._frames.offset_sigma_m(frame) if have_frames else np.full(len(plots), 100.0)
         geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
         geometric = np.where(np.isnan(geometric) & known, height, geometric)
-        nothing = np.zeros(len(self.settings.sensors))
-        return conversion.locate(plots, self._table, geometric, sigma, (nothing, nothing))
+        sigmas = self._registration.bias_sigmas(np.arange(len(self.settings.sensors)))
+        located = conversion.locate(plots, state.sensors, geometric, sigma, (sigmas[:, 0], sigmas[:, 1]))
+        return Batch(rows, raw, plots, located, slot)
 
-    def _open_tracks(self, plots: Plots, located: conversion.Located, slot: Ints) -> None:
+    def _corrected(self, raw: Plots) -> Plots:
+        radar = self._state.sensors.is_radar[raw.sensor]
+        if not radar.any():
+            return raw
+        sensor = raw.sensor.astype(np.int64)
+        range_m, azimuth_deg, time_s = self._registration.correct(sensor, raw.range_m, raw.azimuth_deg, raw.time_s)
+        return replace(raw, range_m=np.maximum(range_m, 0.0), azimuth_deg=azimuth_deg, time_s=time_s)
+
+    def _open_tracks(self, batch: Batch) -> None:
         """Begin a track for every address that has none; fills in ``slot``."""
-        fresh = np.flatnonzero(slot < 0)
+        fresh = np.flatnonzero(batch.slot < 0)
         if not len(fresh):
             return
+        state, address = self._state, batch.plots.address
         # The earliest report of each new address places its track.
-        fresh = fresh[np.lexsort((plots.time_s[fresh], plots.address[fresh]))]
-        address, first = np.unique(plots.address[fresh], return_index=True)
-        capacity = self._tracks.room_for(len(address))
-        if capacity > self._tracks.capacity:
-            self._grow(capacity)
-        new = self._tracks.open(address, np.ones(len(address), dtype=np.bool_))
+        fresh = fresh[np.lexsort((batch.plots.time_s[fresh], address[fresh]))]
+        addresses, first = np.unique(address[fresh], return_index=True)
+        state.make_room(len(addresses))
+        new = state.tracks.open(addresses, np.ones(len(addresses), dtype=np.bool_))
         began = fresh[first]
-        self._tracks.frame[new] = self._frames.near(located.lat_deg[began], located.lon_deg[began])
-        for part in (self._memory, self._masters, self._live):
-            part.clear(new)
-        self._buffers.clear(new)
-        self._seq[:, new] = 0
-        self._coasted_s[new] = -np.inf
-        slot[fresh] = new[np.searchsorted(address, plots.address[fresh])]
+        state.tracks.frame[new] = state.frames.near(batch.located.lat_deg[began], batch.located.lon_deg[began])
+        state.clear(new)
+        batch.slot[fresh] = new[np.searchsorted(addresses, address[fresh])]
 
-    def _grow(self, capacity: int) -> None:
-        for part in (self._tracks, self._memory, self._buffers, self._live, self._elements, self._masters):
-            part.grow(capacity)
-        more = capacity - self._seq.shape[1]
-        self._seq = np.concatenate([self._seq, np.zeros((len(Product), more), dtype=np.int64)], axis=1)
-        self._coasted_s = np.concatenate([self._coasted_s, np.full(more, -np.inf)])
+    def _measured(self, batch: Batch) -> Measurements:
+        state = self._state
+        frames = state.frames.rows[state.tracks.frame[batch.slot]]
+        left = self._registration.bias_sigmas(np.arange(len(self.settings.sensors)))[:, 2]
+        time_sigma_s = np.hypot(state.sensors.time_sigma_s, left)
+        return conversion.measure(batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
 
-    def _usable(self, plots: Plots, reports: Measurements, rows: Ints, verdicts: Verdicts) -> Bools:
-        """Refuse implausible, duplicate, stale and late reports; returns which remain."""
-        slot = reports.slot
-        bank = self._live.bank
+    def _unrepeated(self, batch: Batch, verdicts: Verdicts) -> Batch:
+        """Refuse implausible, late, duplicate and stale reports."""
+        state = self._state
+        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
+        reports = self._measured(batch)
+        slot, bank = batch.slot, state.live.bank
         known = np.isfinite(bank.time_s[slot])
-        x = bank.rows[slot][:, [0, 3, 6, 9]]  # the steady model's position and velocity
+        east, north, v_east, v_north = bank.steady(slot)
         elapsed = np.where(known, reports.time_s - bank.time_s[slot], 0.0)
-        away = np.hypot(reports.east_m - x[:, 0], reports.north_m - x[:, 1])
-        refused = {Reason.IMPLAUSIBLE: known & is_implausible(away, elapsed)}
-        radar = self._table.is_radar[plots.sensor] & np.isfinite(plots.range_m)
+        away = np.hypot(reports.east_m - east, reports.north_m - north)
+        implausible = known & is_implausible(away, elapsed)
+        radar = state.sensors.is_radar[batch.raw.sensor] & np.isfinite(batch.raw.range_m)
         place = np.stack(
-            [np.where(radar, plots.range_m, plots.lat_deg), np.where(radar, plots.azimuth_deg, plots.lon_deg)], axis=1
+            [
+                np.where(radar, batch.raw.range_m, batch.raw.lat_deg),
+                np.where(radar, batch.raw.azimuth_deg, batch.raw.lon_deg),
+            ],
+            axis=1,
         )
-        speed = np.where(known, np.hypot(x[:, 2], x[:, 3]), plots.ground_speed_mps)
-        duplicate, stale, behind = self._memory.compare(slot, plots.sensor, plots.time_s, place, speed)
-        if behind.any():
-            at = np.flatnonzero(behind)
-            duplicate[at] |= self._buffers.holds(reports.take(at))
-        refused[Reason.DUPLICATE] = duplicate
-        refused[Reason.STALE] = stale
-        refused[Reason.LATE] = reports.time_s <= self._elements.settled_s[slot]
-        usable = np.ones(len(rows), dtype=np.bool_)
-        for reason, where in refused.items():
-            verdicts.reason[rows[where & usable & (verdicts.reason[rows] == 0)]] = reason
-            usable &= ~where
-        return usable
+        speed = np.where(known, np.hypot(v_east, v_north), batch.raw.ground_speed_mps)
+        duplicate, stale, behind = state.memory.compare(slot, batch.raw.sensor, batch.raw.time_s, place, speed)
+        at = np.flatnonzero(behind)
+        duplicate[at] |= state.buffers.holds(reports.take(at))
+        for where, reason in ((implausible, Reason.IMPLAUSIBLE), (stale, Reason.STALE), (duplicate, Reason.DUPLICATE)):
+            verdicts.reason[batch.rows[where]] = reason
+        return batch.take(~(implausible | stale | duplicate))
 
     def _begin_states(self, reports: Measurements) -> Bools:
         """Live states of tracks whose first usable report is here; returns which reports those are."""
-        begins = np.isneginf(self._live.bank.time_s[reports.slot])
+        begins = np.isneginf(self._state.live.bank.time_s[reports.slot])
         if begins.any():
             first = np.zeros(len(reports), dtype=np.bool_)
             first[np.unique(reports.slot, return_index=True)[1]] = True
             begins &= first
-            self._live.start(reports.take(begins))
+            self._state.live.start(reports.take(begins))
         return begins
 
-    def _after_receive(self, plots: Plots, reports: Measurements, now_s: float) -> list[Event]:
-        """Identity, status and counts of tracks that got reports; their live points."""
-        tracks, slot = self._tracks, reports.slot
-        sensor = plots.sensor.astype(np.int64)
-        np.add.at(tracks.reports, slot, 1)
-        np.maximum.at(tracks.received_s, slot, plots.received_s)
-        np.maximum.at(tracks.newest_s, slot, reports.time_s)
-        np.maximum.at(tracks.sensor_received_s, (slot, sensor), plots.received_s)
-        said = plots.mode_a >= 0
-        tracks.mode_a[slot[said]] = plots.mode_a[said]
-        said = plots.callsign != b""
-        tracks.callsign[slot[said]] = plots.callsign[said]
-        both = np.isfinite(plots.altitude_m) & np.isfinite(plots.height_m)
-        if both.any():
-            self._frames.learn_offset(tracks.frame[slot[both]], (plots.height_m - plots.altitude_m)[both])
+    def _after_receive(self, batch: Batch, reports: Measurements, fresh: Ints, now_s: float) -> list[Event]:
+        """Identity, status and counts of tracks that got reports; registration; live points."""
+        state, raw, slot = self._state, batch.raw, batch.slot
+        state.tracks.note(slot, raw, reports.time_s)
+        both = np.isfinite(raw.altitude_m) & np.isfinite(raw.height_m)
+        state.frames.learn_offset(state.tracks.frame[slot[both]], (raw.height_m - raw.altitude_m)[both])
         slots = np.unique(slot)
-        changed = self._confirm(slots, now_s)
-        events: list[Event] = [changed] if changed is not None else []
+        events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
+        self._learn_biases(batch, reports, now_s)
+        self._clock.lap("tracks", len(batch))
         if self.settings.fusion.live:
-            time = np.maximum(self._live.bank.time_s[slots], self._live.published_s[slots])
-            ahead = time > self._live.published_s[slots]
+            time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
+            ahead = time > state.live.published_s[slots]
             if ahead.any():
-                events.append(self._live_points(slots[ahead], time[ahead]))
+                events.append(live_points(state, slots[ahead], time[ahead]))
+            self._clock.lap("live points", int(ahead.sum()))
         return events
 
-    def _confirm(self, slots: Ints, now_s: float) -> TrackChanges | None:
-        """Tracks with enough reports are confirmed; coasting ones are back. Also announces new ones."""
-        tracks = self._tracks
-        before = tracks.status[slots]
-        new = tracks.reports[slots] > 0
-        enough = tracks.reports[slots] >= self.settings.tracks.confirm_reports
-        now = np.where(enough, Status.CONFIRMED, Status.TENTATIVE).astype(np.uint8)
-        tracks.status[slots] = now
-        changed = new & (now != before)
-        return self._changes(slots[changed], now_s) if changed.any() else None
+    def _learn_biases(self, batch: Batch, reports: Measurements, now_s: float) -> None:
+        """Show registration some of the radar plots beside references that those radars had no part in."""
+        if not self.settings.registration.enabled:
+            return
+        state = self._state
+        radar = state.sensors.is_radar[batch.raw.sensor] & (state.tracks.status[batch.slot] == Status.CONFIRMED)
+        rows = self._sampler.some(np.flatnonzero(radar), batch.raw.sensor, state.tracks.number[batch.slot], now_s)
+        if not len(rows):
+            return
+        trusted = np.ones(state.tracks.capacity, dtype=np.bool_)
+        comparisons = compare(state, batch.raw.take(rows), reports.take(rows), trusted)
+        if comparisons is not None:
+            self._registration.update(comparisons)
 
-    def _changes(self, slots: Ints, now_s: float) -> TrackChanges:
-        t = self._tracks
-        return TrackChanges(t.number[slots], t.address[slots], t.status[slots], np.full(len(slots), now_s))
-
-    # -- products ------------------------------------------------------------------------------
-    def _live_points(self, slots: Ints, time_s: Array) -> FusedPoints:
-        """One live point per track at the given times; counts since the last one begin anew."""
-        live, tracks = self._live, self._tracks
-        live.published_s[slots] = time_s
-        points = self._live_state(slots, time_s, self._next_seq(Product.LIVE, slots))
-        live.sources[slots] = 0
-        live.rejected[slots] = 0
-        coasting = tracks.status[slots] == Status.COASTING
-        points.flags[coasting] |= np.uint16(Flag.COASTED)
-        return points
-
-    def _live_state(self, slots: Ints, time_s: Array, seq: Ints) -> FusedPoints:
-        live, tracks = self._live, self._tracks
-        n = len(slots)
-        x, P = live.state_at(slots, time_s)
-        altitude, height, rate, _ = live.vertical.at(slots, time_s)
-        state = PlaneState(time_s, x[:4], P[[0, 1, 7]], P[[12, 13, 17]], altitude, height, rate)
-        return assemble(
-            Product.LIVE, slots, state, tracks, self._frames,
-            seq=seq,
-            element=np.full(n, -1, dtype=np.int64),
-            span_s=np.full((n, 2), np.nan),
-            master=self._masters.master[slots],
-            sources=live.sources[slots],
-            rejected=live.rejected[slots],
-            input_received_s=tracks.received_s[slots],
-            status=tracks.status[slots],
-            flags=tracks.flags[slots],
-        )  # fmt: skip
-
-    def _next_seq(self, product: Product, slots: Ints) -> Ints:
-        seq = self._seq[product, slots]
-        self._seq[product, slots] += 1
-        return seq
-
+    # -- time ----------------------------------------------------------------------------------
     def advance(self, *, now_s: float) -> list[Event]:
         """Let time pass: start and close elements behind the watermark, coast, terminate."""
-        events: list[Event] = []
+        state, events = self._state, list[Event]()
+        self._now_s = now_s
+        self._clock.start()
         self._start_elements(now_s)
         while True:
-            due = np.flatnonzero(self._elements.open & (self._elements.due_s <= now_s))
+            due = np.flatnonzero(state.elements.open & (state.elements.due_s <= now_s))
             if not len(due):
                 break
-            for part in np.array_split(due, math.ceil(len(due) / LANES)):
-                events += self._close(part)
-        events += self._coast(now_s)
+            events += self._close_all(due)
+        events += ageing.coast(state, now_s)
         events += self._terminate(now_s)
+        self._clock.lap("ageing", 1)
+        if now_s - self._registered_s >= REGISTRATION_PERIOD_S:
+            self._registration.advance(now_s=now_s)
+            self._registered_s = now_s
+            self._clock.lap("bias estimate", 1)
         return events
 
     def finish(self, *, now_s: float) -> list[Event]:
         """The input has ended: close open elements with what there is."""
         events = self.advance(now_s=now_s)
-        self._start_elements(np.inf)
-        events += self._close_rest(np.flatnonzero(self._elements.open))
-        return events
+        self._start_elements(math.inf)
+        return events + self._close_rest(np.flatnonzero(self._state.elements.open))
 
-    def _close_rest(self, slots: Ints) -> list[Event]:
-        """Close every element of these tracks that begins before their newest report."""
+    def _terminate(self, now_s: float) -> list[Event]:
+        state = self._state
+        slots = ageing.ended(state, now_s)
         events: list[Event] = []
-        while True:
-            slots = slots[self._elements.boundaries_s[slots, 0] < self._tracks.newest_s[slots]]
-            if not len(slots):
-                return events
-            for part in np.array_split(slots, math.ceil(len(slots) / LANES)):
-                events += self._close(part)
+        if len(slots):
+            events += self._close_rest(slots[state.elements.open[slots]])
+            state.elements.stop(slots)
+            state.tracks.terminate(slots, now_s)
+            events.append(ageing.changes(state, slots, now_s))
+            if self.settings.fusion.live:
+                last = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
+                events.append(live_points(state, slots, last))
+        ageing.release(state, now_s)
+        return events
 
     def _start_elements(self, now_s: float) -> None:
         """Confirmed tracks get their first element once everything due in it so far has arrived."""
-        tracks, fusion_settings = self._tracks, self.settings.fusion
-        waiting = np.flatnonzero(tracks.used & (tracks.status == Status.CONFIRMED) & ~self._elements.open)
+        state, settings = self._state, self.settings.fusion
+        waiting = np.flatnonzero(state.tracks.used & (state.tracks.status == Status.CONFIRMED) & ~state.elements.open)
         if not len(waiting):
             return
-        first = self._buffers.earliest_s(waiting)
-        ready = first + fusion_settings.watermark_s + fusion_settings.element_s <= now_s
-        waiting, first = waiting[ready], first[ready]
+        first_s, packed = state.buffers.earliest(waiting)
+        ready = first_s + settings.watermark_s + settings.element_s <= now_s
+        waiting, packed = waiting[ready], packed[ready]
         if not len(waiting):
             return
-        rings = self._buffers.rows[waiting]
-        at = np.where(np.isneginf(rings[:, :, 0]), np.inf, rings[:, :, 0]).argmin(axis=1)
-        packed = rings[np.arange(len(waiting)), at]
         report = Measurements(slot=waiting, **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
+        until = self._published_until_s
+        known = [until.pop(int(a), -math.inf) for a in state.tracks.label[waiting]] if until else -math.inf
         x, P = first_state(report)
-        self._elements.start(waiting, report.time_s, np.full(len(waiting), -np.inf), x, P)
+        state.elements.start(waiting, report.time_s, np.broadcast_to(known, len(waiting)), x, P)
+
+    def _close_rest(self, slots: Ints) -> list[Event]:
+        """Close every element of these tracks that begins before their newest report."""
+        state, events = self._state, list[Event]()
+        while True:
+            slots = slots[state.elements.boundaries_s[slots, 0] < state.tracks.newest_s[slots]]
+            if not len(slots):
+                return events
+            events += self._close_all(slots)
+
+    def _close_all(self, slots: Ints) -> list[Event]:
+        events: list[Event] = []
+        for part in np.array_split(slots, math.ceil(len(slots) / LANES)):
+            events += self._close(part)
+        return events
 
     def _close(self, slots: Ints) -> list[Event]:
         """Close one element of each track and publish it."""
-        closed = self._elements.close(slots, self._buffers.rows)
+        state = self._state
+        self._clock.lap("elements due", 1)
+        closed = state.elements.close(slots, state.buffers.rows)
+        self._clock.lap("estimate", len(slots))
         fused = fusion.fuse(closed, self.settings)
         window = closed.window
-        upto = (window.kind == 1) & (window.time_s < closed.span_s[:, 1])
-        master = self._masters.choose(
-            closed.slots, closed.span_s[:, 1], window.time_s, window.sensor_index, window.r_ee + window.r_nn,
-            upto & (closed.estimate.reason == 0),
-        )  # fmt: skip
-        points = self._element_points(closed, fused, master)
+        accepted = (window.kind == REPORT) & (window.time_s < closed.span_s[:, 1:].T) & (closed.estimate.reason == 0)
+        master = state.masters.choose(
+            closed.slots, closed.span_s[:, 1], window.time_s, window.sensor_index, window.r_ee + window.r_nn, accepted
+        )
+        points = element_points(state, closed, fused, master)
+        number, frame = state.tracks.number[closed.slots], state.tracks.frame[closed.slots]
+        state.element_log.add(closed, number, frame, points.seq, fused.half_width_m, fused.reason)
+        self._clock.lap("element points", len(slots))
         events: list[Event] = [points]
         if self.want_dispositions:
-            events.append(self._element_dispositions(closed, fused))
-        return events
-
-    def _element_points(self, closed: Closed, fused: fusion.Fused, master: NDArray[np.int16]) -> FusedPoints:
-        slots, window = closed.slots, closed.window
-        n = len(slots)
-        sensor = window.sensor_index
-        sources = np.stack(
-            [(fused.accepted & (sensor == s)).sum(axis=0) for s in range(len(self.settings.sensors))], axis=1
-        ).astype(np.int32)
-        x = np.empty((4, n))
-        x[:2] = fused.position_m
-        if fused.velocity_mps is not None and fused.velocity_cov is not None:
-            x[2:], velocity_cov = fused.velocity_mps, fused.velocity_cov
-        else:
-            live_x, live_P = self._live.state_at(slots, fused.time_s)
-            x[2:], velocity_cov = live_x[2:4], live_P[[12, 13, 17]]
-            if self.settings.fusion.mode == "patent":
-                velocity_cov = np.full((3, n), np.nan)
-        altitude, height, rate = self._vertical(closed)
-        state = PlaneState(fused.time_s, x, fused.position_cov, velocity_cov, altitude, height, rate)
-        flags = self._tracks.flags[slots].copy()
-        flags[sources.sum(axis=1) == 0] |= np.uint16(Flag.COASTED)
-        return assemble(
-            Product.ELEMENT, slots, state, self._tracks, self._frames,
-            seq=self._next_seq(Product.ELEMENT, slots),
-            element=closed.index,
-            span_s=closed.span_s,
-            master=master,
-            sources=sources,
-            rejected=(fused.reason > 0).sum(axis=0).astype(np.int32),
-            input_received_s=np.full(n, np.nan),
-            status=self._tracks.status[slots],
-            flags=flags,
-        )  # fmt: skip
-
-    def _vertical(self, closed: Closed) -> tuple[Array, Array, Array]:
-        """Altitude, height and vertical rate at the centres, from the reports around them."""
-        window, vertical = closed.window, self._live.vertical
-        value = vertical.channel(closed.slots, window.altitude_m, window.height_m)
-        value = np.where(window.kind == 1, value, np.nan)
-        rate = np.where(window.kind == 1, window.vertical_rate_mps, np.nan)
-        sigma = self._table.altitude_sigma_m[window.sensor_index]
-        fitted, slope, _ = fit_at(closed.centre_s, window.time_s, value, rate, sigma)
-        altitude, height = vertical.split(closed.slots, fitted)
-        unknown = np.isnan(fitted)
-        if unknown.any():
-            a, h, r, _ = vertical.at(closed.slots[unknown], closed.centre_s[unknown])
-            altitude[unknown], height[unknown], slope[unknown] = a, h, r
-        return altitude, height, slope
-
-    def _dispositions(self, plots: Plots, verdicts: Verdicts) -> Dispositions:
-        given = verdicts.slot >= 0
-        at = np.where(given, verdicts.slot, 0)
-        return Dispositions(
-            plots.sensor, plots.time_s, plots.received_s, plots.address,
-            np.where(given, self._tracks.number[at], -1),
-            np.where(given, self._tracks.label[at], -1).astype(np.int32),
-            np.full(len(plots), -1, dtype=np.int64), verdicts.reason,
-        )  # fmt: skip
-
-    def _element_dispositions(self, closed: Closed, fused: fusion.Fused) -> Dispositions:
-        event, lane = np.nonzero(closed.in_span())
-        slots, w = closed.slots[lane], closed.window
-        return Dispositions(
-            w.sensor_index[event, lane].astype(np.int16), w.time_s[event, lane], w.received_s[event, lane],
-            self._tracks.address[slots], self._tracks.number[slots], self._tracks.label[slots],
-            closed.index[lane], fused.reason[event, lane],
-        )  # fmt: skip
-
-    # -- life cycle ----------------------------------------------------------------------------
-    def _coast(self, now_s: float) -> list[Event]:
-        """Tracks that miss their reports coast: flagged, and published every second at the predicted time."""
-        tracks = self._tracks
-        active = tracks.active
-        confirmed = active[tracks.status[active] >= Status.CONFIRMED]
-        if not len(confirmed):
-            return []
-        silent = now_s - tracks.received_s[confirmed]
-        coasting = confirmed[silent > tracks.expected_wait_s(confirmed, now_s)]
-        fresh = coasting[tracks.status[coasting] != Status.COASTING]
-        events: list[Event] = []
-        if len(fresh):
-            tracks.status[fresh] = Status.COASTING
-            events.append(self._changes(fresh, now_s))
-        again = coasting[now_s - self._coasted_s[coasting] >= COAST_PERIOD_S]
-        if len(again) and self.settings.fusion.live:
-            self._coasted_s[again] = now_s
-            predicted = self._live.bank.time_s[again] + now_s - tracks.received_s[again]
-            ahead = predicted > self._live.published_s[again]
-            if ahead.any():
-                events.append(self._live_points(again[ahead], predicted[ahead]))
-        return events
-
-    def _terminate(self, now_s: float) -> list[Event]:
-        """Tracks without reports for long end with one last point; old ended ones give their slots back."""
-        tracks = self._tracks
-        active = tracks.active
-        ended = active[now_s - tracks.received_s[active] > self.settings.tracks.terminate_s]
-        events: list[Event] = []
-        if len(ended):
-            events += self._close_rest(ended[self._elements.open[ended]])
-            self._elements.stop(ended)
-            tracks.terminate(ended, now_s)
-            events.append(self._changes(ended, now_s))
-            if self.settings.fusion.live:
-                last = np.maximum(self._live.bank.time_s[ended], self._live.published_s[ended])
-                events.append(self._live_points(ended, last))
-        old = np.flatnonzero(tracks.used & (now_s - tracks.terminated_s > KEEP_TERMINATED_S))
-        if len(old):
-            tracks.release(old)
+            events.append(dispositions.of_elements(closed, fused, state.tracks))
         return events
 
     def next_deadline_s(self) -> float | None:
         """When ``advance`` has something to do next; None while there is no track."""
-        if not self._tracks.used.any():
+        state = self._state
+        active = state.tracks.active
+        if not len(active):
             return None
-        due = float(self._elements.due_s.min(initial=math.inf))
-        active = self._tracks.active
-        if len(active):
-            due = min(due, float(self._tracks.received_s[active].min()) + COAST_PERIOD_S)
-        return due
+        due = float(state.elements.due_s.min(initial=math.inf))
+        return min(due, self._now_s + ageing.COAST_PERIOD_S)
 
     @property
     def next_track_number(self) -> int:
         """The first number that has not been used; reserve ahead of it on disk."""
-        return self._tracks.next_number
+        return self._state.tracks.next_number
 
     # -- queries -------------------------------------------------------------------------------
     def tracks(self, selection: Selection) -> FusedPoints:
         """Latest live state of every matching track, terminated ones for 60 s."""
-        slots = np.flatnonzero(self._tracks.used & np.isfinite(self._live.bank.time_s))
-        time = np.maximum(self._live.bank.time_s[slots], self._live.published_s[slots])
-        points = self._live_state(slots, time, np.maximum(self._seq[Product.LIVE, slots] - 1, 0))
-        points.sources = np.isfinite(self._tracks.sensor_received_s[slots]).astype(np.int32)
+        state = self._state
+        slots = np.flatnonzero(state.tracks.used & np.isfinite(state.live.bank.time_s))
+        time: Array = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
+        points = live_state(state, slots, time, np.maximum(state.seq[Product.LIVE, slots] - 1, 0))
+        points.sources = np.isfinite(state.tracks.sensor_received_s[slots]).astype(np.int32)
         return points.take(selection.of_points(points))
+
+    def reports(self, selection: Selection) -> Plots:
+        """Buffered reports (at least the last 30 s) that match."""
+        return self._state.reports.select(selection)
+
+    def elements(self, label: str) -> list[ElementRecord] | None:
+        """The last 20 elements of the track with this key chunk (address or ``T000123``); None: no such track."""
+        state = self._state
+        slot = state.tracks.find(label)
+        if slot is None:
+            return None
+        number, ids = int(state.tracks.number[slot]), [s.id for s in self.settings.sensors]
+        return [ElementRecord(content) for content in state.element_log.of_track(number, state.frames, ids)]
 
     def track_counts(self) -> dict[str, int]:
         """How many tracks are tentative, confirmed, coasting."""
-        status = self._tracks.status[self._tracks.active]
+        status = self._state.tracks.status[self._state.tracks.active]
         return {s.name.lower(): int((status == s).sum()) for s in Status if s != Status.TERMINATED}
 
     def alarms(self) -> list[str]:
         """What an operator should know now, one sentence each."""
-        return []
+        return self._registration.alarms()
 
+    def stages_us(self) -> dict[str, float]:
+        """Microseconds per report or element of every stage since the last call."""
+        return self._clock.take_us()
+
+    # -- control -------------------------------------------------------------------------------
     def registration(self) -> list[RegistrationState]:
         """The registration state of every radar."""
-        return []
+        return self._registration.states(self._now_s)
+
+    def control_registration(
+        self, sensor_id: str, action: Literal["freeze", "release", "reset", "set"], **values: float
+    ) -> RegistrationState:
+        """Freeze, release, reset or set a radar's biases; returns what is now in force."""
+        return self._registration.control(sensor_id, action, now_s=self._now_s, **values)
 
     def control_sensor(self, sensor_id: str, on: bool) -> bool:
         """Switch a sensor's reports on or off; returns what is now in force."""
@@ -486,8 +404,16 @@ class FusionEngine:
         self._intake.sensor_on[index] = on
         return bool(self._intake.sensor_on[index])
 
-    def control_registration(
-        self, sensor_id: str, action: Literal["freeze", "release", "reset", "set"], **values: float
-    ) -> RegistrationState:
-        """Freeze, release, reset or set a radar's biases; returns what is now in force."""
-        raise NotImplementedError
+    # -- state that survives a restart ---------------------------------------------------------
+    def snapshot(self) -> bytes:
+        """Registration state and end of the last published element per track, as bytes."""
+        state = self._state
+        slots = np.flatnonzero(state.elements.open & (state.tracks.label >= 0))
+        ends = state.elements.boundaries_s[slots, 0]
+        until = dict(zip(state.tracks.label[slots].tolist(), ends.tolist(), strict=True))
+        return snapshots.pack(self._registration.snapshot(), self._published_until_s | until)
+
+    def restore(self, data: bytes) -> None:
+        """Take a snapshot over. Raises ``SnapshotError``."""
+        registration, self._published_until_s = snapshots.unpack(data)
+        self._registration.restore(registration)

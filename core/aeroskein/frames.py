@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from aeroskein import geodesy
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["FrameTable"]
 
@@ -63,6 +63,8 @@ class FrameTable:
 
     def learn_offset(self, frame: Ints, offset_m: Array) -> None:
         """Take reported differences height minus altitude ``(n,)`` [m] into their frames."""
+        if not len(frame):
+            return
         count = np.bincount(frame, minlength=len(self.rows)).astype(np.float64)
         total = np.bincount(frame, weights=offset_m, minlength=len(self.rows))
         taught = count > 0.0
@@ -70,6 +72,11 @@ class FrameTable:
         self.offset_m[taught] = (self.offset_m[taught] * weight + total[taught]) / (weight + count[taught])
         self._weight[taught] = weight + count[taught]
 
-    def offset_sigma_m(self, frame: Ints) -> Array:
-        """One sigma of the offset in each frame ``(n,)``. [m]"""
-        return np.where(self._weight[frame] > 0.0, KNOWN_OFFSET_SIGMA_M, UNKNOWN_OFFSET_SIGMA_M)
+    def offset_near(self, frame: Ints, known: Bools) -> tuple[Array, Array]:
+        """Offset and its sigma ``(n,)`` in each frame, nothing learned where the frame is not ``known``. [m]"""
+        n = len(frame)
+        if not len(self.rows):
+            return np.zeros(n), np.full(n, UNKNOWN_OFFSET_SIGMA_M)
+        learned = known & (self._weight[frame] > 0.0)
+        offset = np.where(learned, self.offset_m[frame], 0.0)
+        return offset, np.where(learned, KNOWN_OFFSET_SIGMA_M, UNKNOWN_OFFSET_SIGMA_M)

@@ -1,10 +1,10 @@
 """Interacting multiple models: mixing, mode probabilities and smoothing, for any models over one common state.
 
 Blom & Bar-Shalom (1988), "The interacting multiple model algorithm for systems with Markovian switching coefficients",
-IEEE Trans. Automatic Control 33(8), for the filter. Smoothing after Kim (1994), "Dynamic linear models with
-Markov-switching", Journal of Econometrics 60: every pair of a model at one instant and a model at the next gets its
-own Rauch-Tung-Striebel step, and the pairs are collapsed to one Gaussian per model. Arrays lead with the model:
-states ``(M, n, d)``, covariances ``(M, n, d, d)``, probabilities ``(M, n)``.
+IEEE Trans. Automatic Control 33(8), for the filter. Smoothing: the probabilities after Kim (1994), "Dynamic linear
+models with Markov-switching", Journal of Econometrics 60; the state by Gaussian smoothing (Särkkä 2013, "Bayesian
+Filtering and Smoothing", ch. 10) of the joint moments that all models together give before and after each step. Arrays
+lead with the model: states ``(M, n, d)``, covariances ``(M, n, d, d)``, probabilities ``(M, n)``.
 """
 
 from __future__ import annotations
@@ -13,16 +13,17 @@ from typing import Final
 
 import numpy as np
 
+from aeroskein import unscented
 from aeroskein.plots import Array
-from aeroskein.unscented import difference
+from aeroskein.unscented import Prediction, difference
 
 __all__ = [
-    "collapse",
     "gaussian_log_likelihood",
     "mix",
     "mixture",
-    "pair_probabilities",
     "reweigh",
+    "smooth",
+    "smoothed_probabilities",
     "transition_probabilities",
 ]
 
@@ -113,10 +114,8 @@ def reweigh(predicted: Array, log_likelihood: Array) -> Array:
     return np.asarray(mu / mu.sum(axis=0))
 
 
-def pair_probabilities(mu: Array, T: Array, next_mu: Array) -> Array:
-    """Probability of (model now, model next) given all reports, under Kim's approximation.
-
-    Given the next model, later reports say nothing more about the present one.
+def smoothed_probabilities(mu: Array, T: Array, next_mu: Array) -> Array:
+    """Probability of each model given all reports (Kim 1994): given the next model, the future says no more.
 
     Parameters
     ----------
@@ -129,30 +128,45 @@ def pair_probabilities(mu: Array, T: Array, next_mu: Array) -> Array:
 
     Returns
     -------
-    (M, M, n) array
-        Now by next.
+    (M, n) array
+        Smoothed probabilities now.
     """
     joint = T.transpose(1, 2, 0) * mu[:, None, :]
-    return np.asarray(joint * (next_mu / joint.sum(axis=0)))
+    smoothed = (joint * (next_mu / joint.sum(axis=0))).sum(axis=1)
+    return np.asarray(smoothed / smoothed.sum(axis=0))
 
 
-def collapse(x: Array, P: Array, pairs: Array, angle: int | None) -> tuple[Array, Array, Array]:
-    """From one Gaussian per pair of models back to one per model.
+def smooth(
+    mixed_x: Array, mixed_P: Array, moved: Prediction, next_mu: Array, next_x: Array, next_P: Array, angle: int | None
+) -> tuple[Array, Array]:
+    """One step backwards through a step that several models made together.
+
+    Each model gives one Gaussian of the states at both ends of the step (its mixed state, its prediction, and their
+    cross covariance). Weighted by the smoothed probabilities of the models over that step, their moments make one joint
+    Gaussian, and through that goes the Rauch-Tung-Striebel step. Smoothing model by model and mixing backwards fails
+    here: each mixing hands one model's past to another, which its gain then takes for news from the future, step after
+    step (along the flight it ended up worse than the filter).
 
     Parameters
     ----------
-    x, P : (M, M, n, d), (M, M, n, d, d) arrays
-        Smoothed states now, by model now and model next.
-    pairs : (M, M, n) array
-        Their probabilities.
+    mixed_x, mixed_P : (M, n, d), (M, n, d, d) arrays
+        States from which each model predicted.
+    moved : Prediction
+        Predictions of all models and their cross covariances.
+    next_mu : (M, n) array
+        Smoothed probabilities of the models over the step.
+    next_x, next_P : (n, d), (n, d, d) arrays
+        Smoothed state after the step.
     angle : int or None
         Component that is an angle.
 
     Returns
     -------
-    x, P, mu : (M, n, d), (M, n, d, d), (M, n) arrays
-        Smoothed models now.
+    x, P : (n, d), (n, d, d) arrays
+        Smoothed state before the step.
     """
-    mu = np.maximum(pairs.sum(axis=1), np.finfo(np.float64).tiny)
-    made = [mixture(x[j], P[j], pairs[j] / mu[j], angle) for j in range(len(x))]
-    return np.stack([m for m, _ in made]), np.stack([c for _, c in made]), mu / mu.sum(axis=0)
+    x, P = mixture(mixed_x, mixed_P, next_mu, angle)
+    prior_x, prior_P = mixture(moved.x, moved.P, next_mu, angle)
+    before, after = difference(mixed_x, x, angle), difference(moved.x, prior_x, angle)
+    cross = np.einsum("mn,mnij->nij", next_mu, moved.cross + before[..., :, None] * after[..., None, :])
+    return unscented.smooth(x, P, next_x, next_P, Prediction(prior_x, prior_P, cross), angle)

@@ -1,27 +1,29 @@
-"""Intake: from raw reports to measurements of known tracks, with a reason for every report that does not get through.
+"""Intake: the reports of one call on their way to their tracks, with a reason for every one that does not get there.
 
-The order is: values and times, sensors that are switched off, identity, place, plausibility, repeats, lateness. Each
-stage sees only what the one before let through.
+``Verdicts`` keeps what became of each report in the order they came; ``Batch`` carries those that are still on the way
+through the stages. The first stage is here too: what needs no track (values, times, switched-off sensors).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.cleaning import check_times, check_values
+from aeroskein.conversion import Located
 from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.reasons import Reason
 from aeroskein.settings import EngineSettings
 
-__all__ = ["Intake", "Verdicts"]
+__all__ = ["Batch", "Intake", "Verdicts"]
 
 
 @dataclass(slots=True, eq=False)
 class Verdicts:
-    """What has become of each report of a batch so far, ``(n,)`` columns in the order of the batch.
+    """What has become of each report of a call so far, ``(n,)`` columns in the order in which they came.
 
     Attributes
     ----------
@@ -39,16 +41,50 @@ class Verdicts:
         """All accepted, no tracks yet."""
         return cls(np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int64))
 
-    def refuse(self, rows: Ints, where: Bools, reason: Reason) -> Ints:
-        """Refuse some of the given rows; returns the others."""
-        self.reason[rows[where]] = reason
-        return rows[~where]
-
     def counts(self, sensor: NDArray[np.int16], sensors: int) -> Ints:
         """Reports by sensor and reason, ``(sensors, reasons)``."""
         kinds = len(Reason)
         flat = np.bincount(sensor.astype(np.int64) * kinds + self.reason, minlength=sensors * kinds)
         return flat.reshape(sensors, kinds)
+
+
+@dataclass(slots=True, eq=False)
+class Batch:
+    """Reports that are still on their way, side by side.
+
+    Attributes
+    ----------
+    rows : (n,) int64
+        Their places in the call.
+    raw, plots : Plots
+        As reported, and corrected for registration.
+    located : Located
+        Where they are on the globe.
+    slot : (n,) int64
+        Their tracks, -1 where none yet.
+    """
+
+    rows: Ints
+    raw: Plots
+    plots: Plots
+    located: Located
+    slot: Ints
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def take(self, which: NDArray[Any]) -> Batch:
+        """The given reports (an index array or a boolean mask), in that order."""
+        return Batch(
+            self.rows[which], self.raw.take(which), self.plots.take(which), self.located.take(which), self.slot[which]
+        )
+
+    def without(self, refused: Bools, reason: Reason, verdicts: Verdicts) -> Batch:
+        """Refuse some; the others go on."""
+        if not refused.any():
+            return self
+        verdicts.reason[self.rows[refused]] = reason
+        return self.take(~refused)
 
 
 class Intake:
@@ -62,12 +98,9 @@ class Intake:
     def check(self, plots: Plots, now_s: float | Array) -> Verdicts:
         """Look at each report by itself."""
         verdicts = Verdicts.of(len(plots))
-        rows = np.arange(len(plots))
-        bad = check_values(plots)
-        verdicts.reason[:] = bad
-        rows = rows[bad == 0]
-        rows = verdicts.refuse(rows, ~self.sensor_on[plots.sensor[rows]], Reason.SENSOR_OFF)
-        if len(rows):
-            part = plots if len(rows) == len(plots) else plots.take(rows)
-            verdicts.reason[rows] = check_times(part, now_s, self._max_age_s, self._max_future_s)
+        reason = check_values(plots)
+        good = reason == 0
+        reason[good & ~self.sensor_on[plots.sensor]] = Reason.SENSOR_OFF
+        times = check_times(plots, now_s, self._max_age_s, self._max_future_s)
+        verdicts.reason[:] = np.where(reason == 0, times, reason)
         return verdicts

@@ -90,7 +90,7 @@ class Measurements:
         return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def packed(self) -> Array:
-        """All columns but the slot, and no density of jerk yet, as rows ``(n, COLUMN_COUNT)``, in the order of ``COLUMNS``."""
+        """Rows ``(n, COLUMN_COUNT)`` in the order of ``COLUMNS``, with no density of jerk yet."""
         measured = [getattr(self, name) for name in COLUMNS[:-1]]
         return np.stack([*measured, np.zeros(len(self))], axis=1)
 

@@ -156,6 +156,11 @@ class ModeBank:
         self.time_s[slots] = work.time_s
         self.memory.put(slots, work.memory)
 
+    def steady(self, slots: Ints) -> tuple[Array, Array, Array, Array]:
+        """Position and velocity ``(n,)`` of the steady model, for rough comparisons. [m, m/s]"""
+        rows = self.rows[slots]
+        return tuple(rows[:, manoeuvre.MODELS * k] for k in range(4))  # type: ignore[return-value]
+
     def mixture_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
         """One state ``(6, n)`` and covariance ``(24, n)`` per track at the given times, not before its own."""
         work = self.take(slots)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aeroskein.plots import Array
 
 __all__ = [
+    "ACCELERATION",
     "SPEED",
     "YAW",
     "YAW_RATE",

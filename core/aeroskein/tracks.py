@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.points import Status
 from aeroskein.settings import EngineSettings
 
@@ -140,6 +140,29 @@ class TrackTable:
             return np.full(len(address), -1, dtype=np.int64)
         at = np.minimum(np.searchsorted(self._owned, address), len(self._owned) - 1)
         return np.where(self._owned[at] == address, self._owner[at], -1)
+
+    def find(self, label: str) -> int | None:
+        """Slot of the track with this key chunk, an address or ``T`` and the number; None where there is none."""
+        if label[:1] == "T" and label[1:].isdigit():
+            at = np.flatnonzero(self.used & (self.label < 0) & (self.number == int(label[1:])))
+        else:
+            try:
+                at = np.flatnonzero(self.used & (self.label == int(label, 16)))
+            except ValueError:
+                return None
+        return int(at[-1]) if len(at) else None
+
+    def note(self, slots: Ints, raw: Plots, time_s: Array) -> None:
+        """Remember what accepted reports ``(n,)`` say of identity, and when they came; sorted by slot, then time."""
+        sensor = raw.sensor.astype(np.int64)
+        np.add.at(self.reports, slots, 1)
+        np.maximum.at(self.received_s, slots, raw.received_s)
+        np.maximum.at(self.newest_s, slots, time_s)
+        np.maximum.at(self.sensor_received_s, (slots, sensor), raw.received_s)
+        said = raw.mode_a >= 0
+        self.mode_a[slots[said]] = raw.mode_a[said]
+        said = raw.callsign != b""
+        self.callsign[slots[said]] = raw.callsign[said]
 
     def expected_wait_s(self, slots: Ints, now_s: float) -> Array:
         """How long each track may be without a report before it coasts, by its fastest live sensor. [s]"""

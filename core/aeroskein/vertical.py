@@ -64,7 +64,7 @@ class VerticalFilter:
         rate_mps: Array,
         sigma_m: Array,
     ) -> None:
-        """Take one report per track; slots ``(n,)`` are distinct, missing values NaN. Late reports move nothing back."""
+        """Take one report per track; slots ``(n,)`` are distinct, missing values NaN."""
         rows = self.rows[slots]
         first_altitude = np.isfinite(altitude_m) & (rows[:, _BAROMETRIC] == 0)
         rows[first_altitude, _BAROMETRIC] = 1.0
