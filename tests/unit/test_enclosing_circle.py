@@ -119,3 +119,22 @@ def test_circle_of_fifty_plots_is_what_an_optimiser_finds(seed: int) -> None:
     best = minimize(lambda v: v[2], [0.0, 0.0, 25.0], constraints=[inside], method="SLSQP", options={"ftol": 1e-14})
     assert centers[0] == pytest.approx(best.x[:2], abs=1e-6)
     assert radii[0] == pytest.approx(np.sqrt(best.x[2]), rel=1e-8)
+
+
+@pytest.mark.parametrize("size", [4, 12, 40])
+def test_the_rim_holds_the_centre_from_all_sides(size: int) -> None:
+    # A circle around all points is the smallest exactly when no half of its rim is free of points.
+    rng = np.random.default_rng(size)
+    angle, radius = rng.uniform(0.0, 2.0 * np.pi, (1000, size)), rng.uniform(0.8, 1.0, (1000, size))
+    points = 500.0 * np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+
+    centers, radii = smallest_circles(points)
+
+    away = points - centers[:, None, :]
+    on_rim = np.hypot(away[..., 0], away[..., 1]) > radii[:, None] * (1.0 - 1e-9)
+    seen = np.where(on_rim, np.arctan2(away[..., 1], away[..., 0]), np.nan)
+    ordered = np.sort(seen, axis=1)
+    around = np.concatenate([ordered, ordered[:, :1] + 2.0 * np.pi], axis=1)
+    gaps = np.diff(np.sort(around, axis=1), axis=1)
+    assert on_rim.sum(axis=1).min() >= 2
+    assert np.nanmax(gaps) <= np.pi + 1e-4
