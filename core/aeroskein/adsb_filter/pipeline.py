@@ -1,0 +1,289 @@
+"""The published ADS-B filter from reports to points: the one file that knows the order of its steps.
+
+    reports ─► flights (gather, regularise) ─► plane ─► indicators, repair ─► start ─► filter ─► smooth ─► check
+    ─► points
+
+A result that one of the three divergence checks rejects falls back to the next simpler one: from smoothed to filtered,
+from filtered to the original track; such points carry the flag ``guarded``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Final
+
+import numpy as np
+
+from aeroskein.adsb_filter.calibration import SourceErrors, estimate_source_errors
+from aeroskein.adsb_filter.divergence import diverged
+from aeroskein.adsb_filter.indicators import ACCELERATION, SPEED, SPIKE, indicators, repair
+from aeroskein.adsb_filter.linear import filter_linear, smooth_linear
+from aeroskein.adsb_filter.publish import fused_points
+from aeroskein.adsb_filter.record import Filtered
+from aeroskein.adsb_filter.regularise import moving_rows, started_rows
+from aeroskein.adsb_filter.settings import AdsbFilterSettings, Model
+from aeroskein.adsb_filter.start import position_covariance, start_states
+from aeroskein.adsb_filter.turning import bank_of, filter_turning, smooth_turning
+from aeroskein.conversion import SensorTable
+from aeroskein.flights import Flights, gather, interpolated, locate_flights, measure, stale_rows
+from aeroskein.lanes import continues
+from aeroskein.measurements import Measurements
+from aeroskein.planes import Planes, planes_of
+from aeroskein.plots import Array, Bools, Ints, Plots
+from aeroskein.points import FusedPoints
+from aeroskein.settings import EngineSettings
+
+__all__ = ["FilterSummary", "filter_flights", "filter_reports"]
+
+# Reports filtered together: their models' states and covariances take about a quarter of a gigabyte. [reports]
+CHUNK_REPORTS: Final = 100_000
+
+
+@dataclass(slots=True)
+class FilterSummary:
+    """What was done with the reports, as counts."""
+
+    reports: int = 0
+    flights: int = 0
+    unidentified: int = 0
+    duplicates: int = 0
+    on_ground: int = 0
+    unstarted: int = 0
+    stale: int = 0
+    spikes: int = 0
+    too_fast: int = 0
+    accelerations: int = 0
+    repaired: int = 0
+    outliers: int = 0
+    fallbacks: dict[str, int] = field(default_factory=dict)
+    """Flights whose result was rejected, by what they fell back to: ``filtered`` or ``original``."""
+    source_errors: list[SourceErrors] | None = None
+    """Estimated errors by sensor, where asked for."""
+
+
+@dataclass(slots=True, eq=False)
+class _Prepared:
+    """Flights ready to filter."""
+
+    flights: Flights
+    planes: Planes
+    height_m: Array
+    measurements: Measurements
+    repaired: Bools
+
+
+def filter_reports(
+    plots: Plots,
+    engine: EngineSettings,
+    settings: AdsbFilterSettings,
+    *,
+    model: Model,
+    smooth: bool,
+    estimate_errors: bool = False,
+) -> tuple[FusedPoints | None, FilterSummary]:
+    """Filter the reports of one source, or of several that report positions of their own.
+
+    Parameters
+    ----------
+    plots : Plots
+        The reports, of any number of aircraft, in any order.
+    engine : EngineSettings
+        The sensors.
+    settings : AdsbFilterSettings
+        Thresholds and choices.
+    model : str
+        ``linear``, ``ukf`` or ``imm``.
+    smooth : bool
+        Whether the estimates are smoothed backwards.
+    estimate_errors : bool
+        Whether position and time errors of each source are estimated from straight flight and used instead of the
+        configured ones.
+
+    Returns
+    -------
+    points : FusedPoints or None
+        One per report; None where nothing could be filtered.
+    summary : FilterSummary
+        What was done.
+    """
+    summary = FilterSummary(reports=len(plots))
+    prepared = _prepare(plots, engine, settings, summary, estimate_errors)
+    if prepared is None:
+        return None, summary
+    flight = prepared.flights.flight
+    summary.flights = int(flight[-1]) + 1
+    parts, guarded_parts = [], []
+    for rows in _chunks(flight):
+        part, guarded = filter_flights(
+            _renumbered(prepared.measurements, rows), prepared.repaired[rows], settings, model, smooth, summary
+        )
+        parts.append(part)
+        guarded_parts.append(guarded)
+    result = Filtered(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Filtered)})
+    summary.outliers = int((~result.accepted & np.isfinite(prepared.measurements.east_m)).sum())
+    points = fused_points(
+        prepared.flights, prepared.planes, prepared.height_m, result, np.concatenate(guarded_parts),
+        smoothed=smooth, sensors=len(engine.sensors),
+    )  # fmt: skip
+    return points, summary
+
+
+def _prepare(
+    plots: Plots, engine: EngineSettings, settings: AdsbFilterSettings, summary: FilterSummary, estimate_errors: bool
+) -> _Prepared | None:
+    table = SensorTable(engine)
+    gathered = gather(plots, settings.split_after_s, by_local_track=True)
+    summary.unidentified, summary.duplicates = gathered.unidentified, gathered.duplicates
+    flights = gathered.keep(moving_rows(gathered))
+    summary.on_ground = len(gathered.plots) - len(flights.plots)
+    if len(flights.plots) == 0:
+        return None
+    stale = stale_rows(flights)
+    no_bias = np.zeros(len(engine.sensors))
+    located = locate_flights(flights, table, (no_bias, no_bias))
+    planes = planes_of(settings.projection, flights.flight, located.lat_deg, located.lon_deg)
+    measurements = measure(flights, located, planes, table, table.time_sigma_s)
+    for name in ("east_m", "north_m", "v_east_mps", "v_north_mps"):
+        getattr(measurements, name)[stale] = np.nan
+    started = started_rows(measurements, settings.max_speed_mps)
+    summary.stale, summary.unstarted = int(stale[started].sum()), int((~started).sum())
+    if not started.any():
+        return None
+    if estimate_errors:
+        summary.source_errors = estimate_source_errors(measurements.take(started), len(engine.sensors))
+        _use_errors(measurements, summary.source_errors)
+    kept_flights = flights.flight[started][~continues(flights.flight[started])]
+    measurements, flights, height_m = measurements.take(started), flights.keep(started), located.height_m[started]
+    measurements.slot = flights.flight
+    found = indicators(measurements, flights.plots.ground_speed_mps, settings)
+    summary.spikes, summary.too_fast, summary.accelerations = (
+        int((found & bit > 0).sum()) for bit in (SPIKE, SPEED, ACCELERATION)
+    )
+    bad = found > 0 if settings.indicators == "published" else np.zeros(len(found), dtype=np.bool_)
+    if bad.any():
+        position_m = repair(measurements, bad)
+        measurements.east_m, measurements.north_m = position_m[:, 0].copy(), position_m[:, 1].copy()
+        summary.repaired = int(bad.sum())
+    return _Prepared(flights, _PlanesOf(planes, kept_flights), height_m, measurements, bad)
+
+
+class _PlanesOf:
+    """The planes of those flights that were kept, under their new numbers."""
+
+    def __init__(self, planes: Planes, kept: Ints) -> None:
+        self._planes = planes
+        self._kept = kept
+
+    def to_plane(self, flight: Ints, lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:
+        return self._planes.to_plane(self._kept[flight], lat_deg, lon_deg)
+
+    def from_plane(self, flight: Ints, e_m: Array, n_m: Array) -> tuple[Array, Array]:
+        return self._planes.from_plane(self._kept[flight], e_m, n_m)
+
+    def axes(self, flight: Ints, lat_deg: Array, lon_deg: Array, height_m: Array) -> Array:
+        return self._planes.axes(self._kept[flight], lat_deg, lon_deg, height_m)
+
+
+def _use_errors(measurements: Measurements, errors: list[SourceErrors]) -> None:
+    """Replace the configured sigmas by the estimated ones, where there are any."""
+    source = measurements.sensor.astype(np.int64)
+    position = np.array([e.position_sigma_m for e in errors])[source]
+    time = np.array([e.time_sigma_s for e in errors])[source]
+    known = np.isfinite(position)
+    measurements.r_ee[known] = measurements.r_nn[known] = position[known] ** 2
+    measurements.r_en[known] = 0.0
+    measurements.time_variance[known] = time[known] ** 2
+
+
+def _chunks(flight: Ints) -> list[slice]:
+    """Rows of whole flights, about ``CHUNK_REPORTS`` at a time."""
+    first = np.flatnonzero(~continues(flight))
+    chunk = first // CHUNK_REPORTS
+    starts = first[np.flatnonzero(np.diff(chunk, prepend=-1))]
+    return [slice(int(a), int(b)) for a, b in zip(starts, np.append(starts[1:], len(flight)), strict=True)]
+
+
+def _renumbered(measurements: Measurements, rows: slice) -> Measurements:
+    part = measurements.take(np.arange(rows.start, rows.stop))
+    part.slot = part.slot - part.slot[0]
+    return part
+
+
+def filter_flights(
+    measurements: Measurements,
+    repaired: Bools,
+    settings: AdsbFilterSettings,
+    model: Model,
+    smooth: bool,
+    summary: FilterSummary,
+) -> tuple[Filtered, Bools]:
+    """Filter, smooth and judge; fall back where a result is rejected.
+
+    Parameters
+    ----------
+    measurements : Measurements
+        Reports in the plane by flight and time; each flight begins with a position.
+    repaired : (n,) bool
+        Reports whose position was replaced: no part of the track that results are compared with.
+    settings, model, smooth
+        As in ``filter_reports``.
+    summary : FilterSummary
+        Fallbacks are counted in it.
+
+    Returns
+    -------
+    result : Filtered
+        One estimate per report.
+    guarded : (n,) bool
+        Which of them are a fallback.
+    """
+    flight = measurements.slot
+    candidates = _results(measurements, settings, model, smooth)
+    result = candidates[0][1]
+    guarded = np.zeros(len(flight), dtype=np.bool_)
+    pending = diverged(result, measurements, repaired, settings) > 0
+    for name, candidate in candidates[1:]:
+        if not pending.any():
+            break
+        summary.fallbacks[name] = summary.fallbacks.get(name, 0) + int(pending.sum())
+        at = pending[flight]
+        for f in fields(Filtered):
+            getattr(result, f.name)[at] = getattr(candidate, f.name)[at]
+        guarded |= at
+        pending &= (diverged(candidate, measurements, repaired, settings) > 0) & (name != "original")
+    return result, guarded
+
+
+def _results(
+    measurements: Measurements, settings: AdsbFilterSettings, model: Model, smooth: bool
+) -> list[tuple[str, Filtered]]:
+    """The asked-for result first, then what it may fall back to."""
+    start = start_states(measurements, settings)
+    results = []
+    if model == "linear":
+        linear = filter_linear(measurements, start, settings)
+        if smooth:
+            results.append(("smoothed", smooth_linear(linear, measurements).filtered()))
+        results.append(("filtered", linear.filtered()))
+    else:
+        bank = bank_of(settings, several=model == "imm")
+        turning = filter_turning(measurements, start, bank, settings)
+        if smooth:
+            results.append(("smoothed", smooth_turning(turning, measurements, bank).filtered()))
+        results.append(("filtered", turning.filtered()))
+    results.append(("original", _original(measurements)))
+    return results
+
+
+def _original(measurements: Measurements) -> Filtered:
+    """The reports themselves with their own covariance, missing positions interpolated in time."""
+    result = Filtered.empty(len(measurements))
+    flight, time_s = measurements.slot, measurements.time_s
+    for axis, column in enumerate((measurements.east_m, measurements.north_m)):
+        result.position_m[:, axis] = interpolated(flight, time_s, column)
+    result.velocity_mps[:] = np.stack([measurements.v_east_mps, measurements.v_north_mps], axis=1)
+    known = np.nan_to_num(result.velocity_mps)
+    result.position_cov_m2[:] = position_covariance(measurements, known)
+    result.velocity_cov_m2ps2[:] = measurements.velocity_variance[:, None, None] * np.eye(2)
+    result.accepted[:] = np.isfinite(measurements.east_m)
+    return result
