@@ -130,7 +130,9 @@ def simulate(
     config: opt.Config,
     scenario: Annotated[str | None, typer.Option("--scenario", help="What is flown; else as configured.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Same seed, same flights and reports.")] = None,
-    speed: Annotated[float, typer.Option("--speed", min=0.0, help="Faster than real time, into a file only.")] = 1.0,
+    speed: Annotated[
+        float | None, typer.Option("--speed", min=0.0, help="Times real time, into a file; else as fast as it goes.")
+    ] = None,
     aircraft: Annotated[int | None, typer.Option("--aircraft", min=1, help="How many are in the air.")] = None,
     duration: opt.Duration = None,
     output: Annotated[

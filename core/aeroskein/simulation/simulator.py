@@ -7,22 +7,22 @@ are asked for, so several processes can each play one sensor of the same scenari
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
-from aeroskein.plots import Array, Plots
+from aeroskein.plots import Plots
 from aeroskein.settings import SensorSettings
 from aeroskein.simulation.radar import RadarSensor
 from aeroskein.simulation.settings import SimulationSettings
 from aeroskein.simulation.squitters import PositionSensor
 from aeroskein.simulation.traffic import BLOCK_S
-from aeroskein.simulation.trajectory import Fleet
+from aeroskein.simulation.trajectory import Block, Fleet
 from aeroskein.simulation.truth import Motion, TruthStates
 
-__all__ = ["Chunk", "MotionWithTruth", "SensorModel", "in_chunks", "sensor_models", "simulate", "truth_by_track"]
+__all__ = ["Chunk", "SensorModel", "TruthSamples", "in_chunks", "sensor_models", "simulate", "truth_by_track"]
 
 # Rows of truth that are held in memory at a time when a truth file is written: about 300 MB.
 TRUTH_ROWS: Final = 2_000_000
@@ -30,14 +30,12 @@ TRUTH_ROWS: Final = 2_000_000
 # Ranges of slots begin at a multiple of this, so that no pair and no formation of three is torn apart.
 SLOT_STEP: Final = 6
 
-SensorModel = PositionSensor | RadarSensor
 
+class SensorModel(Protocol):
+    """Whatever turns a block of motion into reports."""
 
-class MotionWithTruth(Motion, Protocol):
-    """A block of motion whose truth can be asked for."""
-
-    def truth(self, time_s: Array) -> TruthStates:
-        """Truth of all aircraft at the given times inside the block, ordered by time."""
+    def measure(self, motion: Motion) -> Plots:
+        """The reports measured in a block, in no order; each arrives after the block has begun."""
         ...
 
 
@@ -98,15 +96,20 @@ class _Arrivals:
         return arrived
 
 
-class _TruthSamples:
-    """Truth samples on their own grid of times, given out chunk by chunk."""
+class TruthSamples:
+    """Truth samples on their own grid of times, taken from blocks as they pass and given out chunk by chunk."""
 
     def __init__(self, start_s: float, period_s: float) -> None:
         self._start_s, self._period_s, self._next = start_s, period_s, 0
         self._waiting: list[TruthStates] = []
 
-    def sample(self, block: MotionWithTruth) -> None:
-        """Take the samples that lie in a block."""
+    def of(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """The same blocks, sampled."""
+        for block in blocks:
+            self._sample(block)
+            yield block
+
+    def _sample(self, block: Block) -> None:
         last = math.ceil((block.end_s - self._start_s) / self._period_s - 1e-9)
         if last > self._next:
             self._waiting.append(
@@ -125,22 +128,21 @@ class _TruthSamples:
 
 
 def in_chunks(
-    blocks: Iterable[MotionWithTruth],
-    models: list[SensorModel],
+    blocks: Iterable[Motion],
+    models: Sequence[SensorModel],
     *,
     start_s: float,
     end_s: float,
     chunk_s: float,
-    truth_period_s: float | None = None,
+    samples: TruthSamples | None = None,
 ) -> Iterator[Chunk]:
-    """Measure blocks of motion, and give out what arrives from ``start_s`` to ``end_s``.
+    """Measure blocks of motion, and give out what arrives from ``start_s`` to ``end_s`` (with truth from ``samples``).
 
     Ends with the blocks, or at ``end_s``: reports that are still under way then are not given out, as in a recording
     that is stopped.
     """
     source = iter(blocks)
     arrivals = _Arrivals()
-    samples = None if truth_period_s is None else _TruthSamples(start_s, truth_period_s)
     done_s, number = start_s, 0
     while True:
         number += 1
@@ -152,8 +154,6 @@ def in_chunks(
             arrivals.put([model.measure(block) for model in models])
             if number == 1:
                 arrivals.take_until(start_s)  # the first block may begin before the start
-            if samples is not None:
-                samples.sample(block)
             done_s = block.end_s
         yield Chunk(until_s, arrivals.take_until(until_s), samples.take_until(until_s) if samples else None)
         if until_s >= end_s:
@@ -206,13 +206,15 @@ def simulate(
     start_s = settings.start_s if start_s is None else start_s
     anchor_s = start_s if anchor_s is None else anchor_s
     models = sensor_models(settings, sensors, start_s=start_s, slots=settings.aircraft, only=only)
+    samples = TruthSamples(start_s, settings.truth_period_s) if truth else None
+    blocks = _blocks(settings, sensors, start_s=start_s, anchor_s=anchor_s, endless=endless)
     return in_chunks(
-        _blocks(settings, sensors, start_s=start_s, anchor_s=anchor_s, endless=endless),
+        samples.of(blocks) if samples else blocks,
         models,
         start_s=start_s,
         end_s=math.inf if endless else start_s + settings.duration_s,
         chunk_s=chunk_s,
-        truth_period_s=settings.truth_period_s if truth else None,
+        samples=samples,
     )
 
 
@@ -221,23 +223,17 @@ def truth_by_track(settings: SimulationSettings, sensors: tuple[SensorSettings, 
 
     The flights are flown once more, some at a time, so that memory stays bounded however many there are.
     """
-    samples = settings.duration_s / settings.truth_period_s
-    tile = SLOT_STEP * max(1, int(TRUTH_ROWS / samples) // SLOT_STEP)
+    start_s, period_s = settings.start_s, settings.truth_period_s
+    tile = SLOT_STEP * max(1, int(TRUTH_ROWS * period_s / settings.duration_s) // SLOT_STEP)
     for first in range(0, settings.aircraft, tile):
         slots = range(first, min(first + tile, settings.aircraft))
-        start_s = settings.start_s
+        samples = TruthSamples(start_s, period_s)
         blocks = _blocks(settings, sensors, start_s=start_s, anchor_s=start_s, endless=False, slots=slots)
+        end_s = start_s + settings.duration_s
         chunks = in_chunks(
-            blocks,
-            [],
-            start_s=start_s,
-            end_s=start_s + settings.duration_s,
-            chunk_s=settings.duration_s,
-            truth_period_s=settings.truth_period_s,
+            samples.of(blocks), (), start_s=start_s, end_s=end_s, chunk_s=settings.duration_s, samples=samples
         )
-        for chunk in chunks:
-            if chunk.truth is not None:
-                yield chunk.truth.by_track()
+        yield from (chunk.truth.by_track() for chunk in chunks if chunk.truth is not None)
 
 
 def _blocks(
@@ -248,7 +244,7 @@ def _blocks(
     anchor_s: float,
     endless: bool,
     slots: range | None = None,
-) -> Iterator[MotionWithTruth]:
+) -> Iterator[Block]:
     """The blocks of a fleet from the one in which ``start_s`` lies."""
     first = int((start_s - anchor_s) // BLOCK_S)
     # Who is in the air now began within the last flight's length.
