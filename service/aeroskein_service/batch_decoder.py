@@ -44,7 +44,7 @@ class _Envelope(msgspec.Struct):
     epoch: Any = None
     seq: Any = None
     sent_s: Any = None
-    reports: msgspec.Raw | None = None
+    reports: msgspec.Raw = msgspec.Raw(b"")
 
 
 @dataclass(slots=True)
@@ -201,7 +201,7 @@ def _take_apart(payload: bytes, kind: str) -> tuple[_Envelope, list[Any] | None]
     try:
         envelope = module.decode(payload, type=_Envelope)
         try:
-            return envelope, module.decode(envelope.reports or b"", type=list[msgspec.Raw])
+            return envelope, module.decode(envelope.reports, type=list[msgspec.Raw])
         except msgspec.ValidationError:
             return envelope, None
     except msgspec.ValidationError:
