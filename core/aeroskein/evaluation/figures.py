@@ -5,8 +5,10 @@ None means "not measurable here". Field names are keys of ``aeroskein evaluate -
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+
+from aeroskein.plots import Array
 
 __all__ = [
     "Accuracy",
@@ -265,3 +267,4 @@ class SensorEvaluation:
     range_m: SignedSpread
     azimuth_deg: SignedSpread
     spikes: int
+    sizes_m: Array = field(repr=False, metadata={"json": False})

@@ -79,6 +79,7 @@ def evaluate(
         settings=settings,
         flights=len(curve.names),
         flights_without_points=tuple(flight for i, flight in enumerate(curve.names) if i not in seen),
+        phases=curve.phases,
         products=tuple(
             _product(points, matches, product, case) for product in Product if points.is_product(product).any()
         ),

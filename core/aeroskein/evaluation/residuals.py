@@ -63,6 +63,8 @@ class Residuals:
         By the motion of the truth, whatever the phase is called.
     truth_speed_mps : (n,) float64
         [m/s]
+    age_s : (n,) float64
+        Time from the state to its publication. [s]
     flags : (n,) uint16
         ``Flag`` of the point.
     """
@@ -87,6 +89,7 @@ class Residuals:
     is_turning: Bools
     is_climbing: Bools
     truth_speed_mps: Array
+    age_s: Array
     flags: NDArray[np.uint16]
 
     def __len__(self) -> int:
@@ -149,6 +152,7 @@ def residuals_of(points: PointColumns, flight: Ints, curve: TruthCurve) -> Resid
         is_turning=np.abs(truth.turn_rate_degps) > TURN_RATE_DEGPS,
         is_climbing=np.abs(np.nan_to_num(truth.vertical_rate_mps)) > CLIMB_RATE_MPS,
         truth_speed_mps=np.hypot(speed["true"][:, 0], speed["true"][:, 1]),
+        age_s=kept.published_s - kept.time_s,
         flags=kept.flags,
     )
 

@@ -85,6 +85,7 @@ class Evaluation:
     settings: EvaluationSettings
     flights: int
     flights_without_points: tuple[str, ...]
+    phases: tuple[str, ...]
     products: tuple[ProductEvaluation, ...]
     sensors: tuple[SensorEvaluation, ...]
 

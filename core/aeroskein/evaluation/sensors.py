@@ -102,6 +102,7 @@ def _sensor(reports: SensorReports, index: int, name: str, flight: Ints, curve: 
     east, north = east_north_axes(truth.up)
     error = rotate_to_east_north(position - truth.position, east, north)
     along, across = along_across(error, rotate_to_east_north(truth.velocity, east, north))
+    size = np.hypot(error[usable, 0], error[usable, 1])
     order = np.flatnonzero(usable)
     order = order[np.lexsort((plots.time_s[order], flight[order]))]
     return SensorEvaluation(
@@ -109,12 +110,13 @@ def _sensor(reports: SensorReports, index: int, name: str, flight: Ints, curve: 
         reports=len(mine),
         judged=int(usable.sum()),
         not_judged_because=_why(int(usable.sum()), len(mine), len(rows), bool(is_polar.any()) and site is None),
-        horizontal_m=spread(np.hypot(error[usable, 0], error[usable, 1])),
+        horizontal_m=spread(size),
         along_m=signed_spread(along[usable]),
         across_m=signed_spread(across[usable]),
         range_m=signed_spread(range_m[usable]),
         azimuth_deg=signed_spread(azimuth_deg[usable]),
         spikes=int(is_spike(flight[order], plots.time_s[order], position[order]).sum()),
+        sizes_m=size,
     )
 
 

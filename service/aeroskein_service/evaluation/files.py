@@ -13,10 +13,10 @@ from aeroskein.evaluation import PointColumns, Truth
 from aeroskein.points import Flag, Product, Status
 from aeroskein_service.evaluation.lines import FileNotes, LineReader
 
-__all__ = ["read_points", "read_truth"]
+__all__ = ["Latitude", "Longitude", "address_number", "read_points", "read_truth"]
 
-_Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
-_Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=360.0)]
+Latitude = Annotated[float, msgspec.Meta(ge=-90.0, le=90.0)]
+Longitude = Annotated[float, msgspec.Meta(ge=-180.0, le=360.0)]
 _ADDRESS: Final = re.compile(r"[0-9A-Fa-f]{6}")
 _MODE_A: Final = re.compile(r"[0-7]{4}")
 _PRODUCTS: Final = {product.name.lower(): int(product) for product in Product}
@@ -30,8 +30,8 @@ class _PointLine(msgspec.Struct, gc=False):
     """A fused point, as far as it is judged."""
 
     time_s: float
-    lat_deg: _Latitude
-    lon_deg: _Longitude
+    lat_deg: Latitude
+    lon_deg: Longitude
     product: Literal["live", "element"] = "element"
     status: Literal["tentative", "confirmed", "coasting", "terminated"] = "confirmed"
     track: str | None = None
@@ -60,8 +60,8 @@ class _TruthLine(msgspec.Struct, gc=False):
 
     track: Annotated[str, msgspec.Meta(min_length=1)]
     time_s: float
-    lat_deg: _Latitude
-    lon_deg: _Longitude
+    lat_deg: Latitude
+    lon_deg: Longitude
     height_m: float | None = None
     altitude_m: float | None = None
     ground_speed_mps: float | None = None
@@ -121,7 +121,7 @@ def read_truth(path: Path) -> tuple[Truth, FileNotes]:
         tuple(flights),
         0 if joined["time_s"] is None else len(joined["time_s"]),
         phases=tuple(phases),
-        addresses=[_address(address or name) for name, (address, _) in zip(flights, known, strict=True)],
+        addresses=[address_number(address or name) for name, (address, _) in zip(flights, known, strict=True)],
         callsigns=[(callsign or "").strip().encode("ascii", "replace") for _, callsign in known],
         **joined,
     )
@@ -143,7 +143,7 @@ def _point_columns(rows: list[_PointLine], numbers: _Numbers) -> PointColumns:
     columns["track_number"] = [
         numbers[row.track or ""] if row.track_number is None else row.track_number for row in rows
     ]
-    columns["address"] = [_address(row.address) for row in rows]
+    columns["address"] = [address_number(row.address) for row in rows]
     columns["mode_a"] = [_mode_a(row.mode_a) for row in rows]
     columns["callsign"] = [(row.callsign or "").strip().encode("ascii", "replace") for row in rows]
     for name in ("epoch", "seq", "element"):
@@ -155,7 +155,8 @@ def _point_columns(rows: list[_PointLine], numbers: _Numbers) -> PointColumns:
     return PointColumns.of(len(rows), **columns)
 
 
-def _address(text: str | None) -> int:
+def address_number(text: str | None) -> int:
+    """The ICAO address of six hex digits, -1 where the text is none."""
     return int(text, 16) if text is not None and _ADDRESS.fullmatch(text) else -1
 
 

@@ -1,123 +1,107 @@
-"""The evaluation as tables for a terminal: one column per file and product, side by side."""
+"""The evaluation on a terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
+from collections.abc import Sequence
 from typing import Final
 
+from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from aeroskein.evaluation.figures import Accuracy, Interval, Worst
-from aeroskein.evaluation.results import Evaluation, ProductEvaluation
+from aeroskein.evaluation import Evaluation
+from aeroskein.evaluation.figures import RequirementRow, Verdict
+from aeroskein_service.evaluation.formats import NOTHING, number
+from aeroskein_service.evaluation.summary import Column, Section, columns_of, sections_of
 
-__all__ = ["print_evaluations"]
+__all__ = ["DISCLAIMER", "print_evaluations"]
 
-_NOTHING: Final = "·"
+DISCLAIMER: Final = (
+    "Limits and measures as this program reads them ('?': limit not certain). "
+    "No statement of conformity: that takes operational data, the specifications themselves and an assessor."
+)
+_STYLES: Final = {Verdict.MET: "green", Verdict.NOT_MET: "bold red", Verdict.NOT_MEASURABLE: "dim"}
+_WORDS: Final = {Verdict.MET: "met", Verdict.NOT_MET: "NOT MET", Verdict.NOT_MEASURABLE: NOTHING}
 
 
 def print_evaluations(evaluations: Sequence[Evaluation], console: Console) -> None:
-    """Print everything a person wants to know first."""
-    columns = [(evaluation, product) for evaluation in evaluations for product in evaluation.products]
+    """Print all tables; failures of requirement rows come last, where the eye stays."""
+    columns = columns_of(evaluations)
     if not columns:
-        console.print("No points to judge.")
+        console.print("There are no fused points to judge.")
         return
-    console.print(_accuracy_table(columns))
-    console.print(_phase_table(columns))
+    for section in sections_of(evaluations):
+        console.print(_table(section))
+        console.print()
+    for evaluation in evaluations:
+        _print_absent(evaluation, console)
+    console.print(_requirements(columns))
+    console.print(Text(DISCLAIMER, style="dim"))
 
 
-_Column = tuple[Evaluation, ProductEvaluation]
-
-
-def _table(title: str, first: str, columns: Sequence[_Column]) -> Table:
-    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=None, pad_edge=False)
-    table.add_column(first, no_wrap=True)
-    for evaluation, product in columns:
-        table.add_column(f"{evaluation.name}\n{product.product}", justify="right")
+def _table(section: Section) -> Table:
+    table = _new_table(section.title, section.note)
+    table.add_column("", no_wrap=True)
+    for name in section.columns:
+        table.add_column(name, justify="right", overflow="fold")
+    for row in section.rows:
+        table.add_row(f"  {row.label}" if row.is_part else row.label, *row.cells)
     return table
 
 
-_Row = tuple[str, Callable[[Accuracy], str]]
-_ROWS: Final[tuple[_Row, ...]] = (
-    ("horizontal RMS [m]", lambda a: number(a.horizontal_m.rms)),
-    ("  median", lambda a: number(a.horizontal_m.p50)),
-    ("  95 %", lambda a: number(a.horizontal_m.p95)),
-    ("  99 %", lambda a: number(a.horizontal_m.p99)),
-    ("  max", lambda a: number(a.horizontal_m.max)),
-    ("along RMS (mean) [m]", lambda a: with_mean(a.along_m.rms, a.along_m.mean)),
-    ("across RMS (mean) [m]", lambda a: with_mean(a.across_m.rms, a.across_m.mean)),
-    ("height RMS (mean) [m]", lambda a: with_mean(a.height_m.rms, a.height_m.mean)),
-    ("altitude RMS (mean) [m]", lambda a: with_mean(a.altitude_m.rms, a.altitude_m.mean)),
-    ("velocity RMS [m/s]", lambda a: number(a.velocity_mps.rms)),
-    ("ground speed RMS [m/s]", lambda a: number(a.ground_speed_mps.rms)),
-    ("track angle RMS [deg]", lambda a: number(a.track_angle_deg.rms)),
-    ("vertical rate RMS [m/s]", lambda a: number(a.vertical_rate_mps.rms)),
-    ("position NEES (ideal 2)", lambda a: number(a.position_consistency.mean_nees)),
-    ("  inside 95 %", lambda a: percent(a.position_consistency.coverage_95)),
-    ("velocity NEES (ideal 2)", lambda a: number(a.velocity_consistency.mean_nees)),
-    ("  inside 95 %", lambda a: percent(a.velocity_consistency.coverage_95)),
-)
-
-
-def _accuracy_table(columns: Sequence[_Column]) -> Table:
-    table = _table("Accuracy", "", columns)
-    table.add_row("points judged", *(str(product.judged) for _, product in columns))
-    table.add_row("flights", *(f"{len(p.flights)} of {e.flights}" for e, p in columns))
-    for label, value in _ROWS:
-        table.add_row(label, *(value(product.accuracy) for _, product in columns))
-        if label.startswith("horizontal"):
-            table.add_row("  95 % interval", *(interval(p.rms_interval_m) for _, p in columns))
-    table.add_row("worst flight, RMS [m]", *(worst(p.worst_rms_m) for _, p in columns))
-    table.add_row("largest error [m]", *(worst(p.worst_point_m) for _, p in columns))
+def _requirements(columns: Sequence[Column]) -> Table:
+    """One line a rule; a rule that no column can answer is only named."""
+    table = _new_table("Requirement rows", "Limits for 3 / 5 NM separation; ED-142: TMA / en route.")
+    for name in ("row", "", "limit"):
+        table.add_column(name, no_wrap=name == "row")
+    for column in columns:
+        table.add_column(f"{column.evaluation.name}\n{column.product.product}", justify="right")
+    silent = []
+    for pairs in zip(*(_pairs(column.product.requirements) for column in columns), strict=True):
+        near, far = pairs[0]
+        if all(row.verdict is Verdict.NOT_MEASURABLE for pair in pairs for row in pair):
+            silent.append(f"{near.standard} {near.row} {near.item}")
+            continue
+        item = f"{near.item}, recommended" if near.level == "recommended" else near.item
+        table.add_row(f"{near.standard} {near.row}", item, _limit(near, far), *(_verdict(*pair) for pair in pairs))
+    if silent:
+        table.caption = "Not measurable from these files: " + "; ".join(dict.fromkeys(silent)) + "."
     return table
 
 
-def _phase_table(columns: Sequence[_Column]) -> Table:
-    table = _table("Horizontal RMS / 95 % [m] by phase", "phase", columns)
-    by_column = [{phase.phase: phase.accuracy for phase in product.phases} for _, product in columns]
-    for phase in dict.fromkeys(name for phases in by_column for name in phases):
-        cells = []
-        for phases in by_column:
-            found = phases.get(phase)
-            spread = found.horizontal_m if found else None
-            cells.append(f"{number(spread.rms)} / {number(spread.p95)}" if spread else _NOTHING)
-        table.add_row(phase, *cells)
-    return table
+def _pairs(rows: Sequence[RequirementRow]) -> list[tuple[RequirementRow, RequirementRow]]:
+    """Both columns of every rule."""
+    return list(zip(rows[0::2], rows[1::2], strict=True))
 
 
-def number(value: float | None) -> str:
-    """Three significant digits, as a person writes them."""
-    if value is None:
-        return _NOTHING
-    size = abs(value)
-    digits = 0 if size >= 100.0 else 1 if size >= 10.0 else 2 if size >= 0.095 else 3
-    return f"{value:.{digits}f}"
+def _limit(near: RequirementRow, far: RequirementRow) -> str:
+    sense = "≤" if near.sense == "<=" else "≥"
+    values = f"{near.limit:g}" if near.limit == far.limit else f"{near.limit:g} / {far.limit:g}"
+    return f"{sense} {values} {near.unit}{'' if near.limit_is_sure else ' ?'}"
 
 
-def percent(share: float | None) -> str:
-    """A share as a percentage."""
-    return _NOTHING if share is None else f"{100.0 * share:.1f} %"
+def _verdict(near: RequirementRow, far: RequirementRow) -> Text:
+    if near.verdict is far.verdict and near.measured == far.measured:
+        return _one(near)
+    return Text.assemble(_one(near), " / ", _one(far))
 
 
-def with_mean(rms: float | None, mean: float | None) -> str:
-    """An RMS with the mean error beside it."""
-    return _NOTHING if rms is None or mean is None else f"{number(rms)} ({mean:+.2f})"
+def _one(row: RequirementRow) -> Text:
+    measured = "" if row.measured is None else f"{number(row.measured)} "
+    return Text(f"{measured}{_WORDS[row.verdict]}", style=_STYLES[row.verdict])
 
 
-def interval(value: Interval | None) -> str:
-    """A confidence interval."""
-    return _NOTHING if value is None else f"{number(value.low)}–{number(value.high)}"
+def _print_absent(evaluation: Evaluation, console: Console) -> None:
+    """Flights of truth that no fused point speaks of."""
+    absent = evaluation.flights_without_points
+    if absent:
+        shown = ", ".join(absent[:10]) + (f" and {len(absent) - 10} more" if len(absent) > 10 else "")
+        console.print(Text(f"{evaluation.name}: no point about {len(absent)} of {evaluation.flights} flights: {shown}"))
 
 
-def worst(value: Worst | None) -> str:
-    """A flight, its figure, and when."""
-    if value is None:
-        return _NOTHING
-    when = "" if value.time_s is None else f"\n{clock(value.time_s)}"
-    return f"{value.flight}: {number(value.value)}{when}"
-
-
-def clock(time_s: float) -> str:
-    """Time of day with the day, UTC."""
-    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%d %H:%M:%S")
+def _new_table(title: str, note: str) -> Table:
+    heading = Text(title, style="bold")
+    if note:
+        heading.append(f"  {note}", style="dim not bold")
+    return Table(title=heading, title_justify="left", caption_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
