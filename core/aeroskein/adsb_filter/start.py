@@ -1,6 +1,6 @@
 """Step 2 of the published ADS-B filter: the state at the first point above ground.
 
-Position from the first report; direction from the reported velocity or from the first two positions; speed from the
+Position from the first report; direction from the reported velocity or from the first positions; speed from the
 same, or from statistics of past take-offs where they are given; acceleration from those statistics; yaw rate zero. The
 covariance comes from the measurement's own (R), not from a chosen constant, wherever a measurement stands behind it.
 """
@@ -16,7 +16,7 @@ from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.lanes import continues, held_rows
 from aeroskein.measurements import Measurements
 from aeroskein.motion import SPEED, YAW, turn_velocity_jacobian
-from aeroskein.plots import Array
+from aeroskein.plots import Array, Ints
 
 __all__ = ["Start", "position_covariance", "start_states"]
 
@@ -24,8 +24,10 @@ __all__ = ["Start", "position_covariance", "start_states"]
 # standard-rate turn of 3 degrees a second.
 ACCELERATION_SIGMA_MPS2: Final = 3.0
 YAW_RATE_SIGMA_RADPS: Final = 0.0524
-# Two positions closer in time than this give no direction: their time jitter is as large. [s]
-LEAST_BASE_S: Final = 0.5
+# Two positions closer in time than this give no velocity: their time jitter is a good part of it. [s]
+LEAST_BASE_S: Final = 2.0
+# Positions after that which are asked for the velocity; the middle answer counts, so one outlier does not matter.
+WITNESSES: Final = 3
 # No velocity at all: anything up to the speed of an airliner. [m/s]
 UNKNOWN_VELOCITY_SIGMA_MPS: Final = 150.0
 # Below this speed the direction is as good as unknown, and dividing by the speed would overflow. [m/s]
@@ -112,33 +114,55 @@ def position_covariance(measurements: Measurements, velocity_mps: Array) -> Arra
 
 def start_states(measurements: Measurements, settings: AdsbFilterSettings) -> Start:
     """Begin every flight at its first row, which must have a position."""
-    flight, time_s = measurements.slot, measurements.time_s
-    position_m = np.stack([measurements.east_m, measurements.north_m], axis=1)
-    first = np.flatnonzero(~continues(flight))
-    later = np.isfinite(position_m[:, 0]) & (time_s >= time_s[first][flight] + LEAST_BASE_S)
-    second = held_rows(flight, later)[1][first]
-    has_second = second >= 0
-    second = np.where(has_second, second, first)
-    base_s = np.where(has_second, time_s[second] - time_s[first], 1.0)
-    velocity = (position_m[second] - position_m[first]) / base_s[:, None]
-    of_two = measurements.take(first), measurements.take(second)
-    cov = sum(position_covariance(m, velocity) for m in of_two) / base_s[:, None, None] ** 2
-    unknown = ~has_second | (np.hypot(*velocity.T) > settings.max_speed_mps)
-    velocity[unknown] = 0.0
-    cov = np.where(unknown[:, None, None], UNKNOWN_VELOCITY_SIGMA_MPS**2 * np.eye(2), cov)
-    reported = np.stack([measurements.v_east_mps[first], measurements.v_north_mps[first]], axis=1)
+    first = np.flatnonzero(~continues(measurements.slot))
+    begin = measurements.take(first)
+    position_m = np.stack([begin.east_m, begin.north_m], axis=1)
+    velocity, cov = _from_positions(measurements, first, settings.max_speed_mps)
+    reported = np.stack([begin.v_east_mps, begin.v_north_mps], axis=1)
     told = np.isfinite(reported[:, 0]) & settings.use_velocity
     velocity = np.where(told[:, None], reported, velocity)
-    told_cov = np.where(told, measurements.velocity_variance[first], 0.0)[:, None, None] * np.eye(2)
+    told_cov = np.where(told, begin.velocity_variance, 0.0)[:, None, None] * np.eye(2)
     cov = np.where(told[:, None, None], told_cov, cov)
     speed = np.hypot(*velocity.T)
     ahead = velocity / np.where(speed > 0.0, speed, 1.0)[:, None]
     if settings.start_speed_mps is not None:
         velocity = ahead * settings.start_speed_mps
     return Start(
-        position_m=position_m[first],
-        position_cov_m2=position_covariance(of_two[0], velocity),
+        position_m=position_m,
+        position_cov_m2=position_covariance(begin, velocity),
         velocity_mps=velocity,
         velocity_cov_m2ps2=cov,
         acceleration_mps2=ahead * settings.start_acceleration_mps2,
     )
+
+
+def _from_positions(measurements: Measurements, first: Ints, max_speed_mps: float) -> tuple[Array, Array]:
+    """Velocity of each flight's start and its covariance, from the first and some later positions.
+
+    Published are the first two positions; with the jitter of time stamps they can be a third of a second apart that is
+    said to be a whole one. The middle of several over at least two seconds is not misled by that, nor by an outlier.
+    """
+    flight, time_s = measurements.slot, measurements.time_s
+    position_m = np.stack([measurements.east_m, measurements.north_m], axis=1)
+    usable = np.isfinite(position_m[:, 0]) & (time_s >= time_s[first][flight] + LEAST_BASE_S)
+    following = held_rows(flight, usable)[1]
+    answers, witness = [], first
+    for _ in range(WITNESSES):
+        # The first row is not usable itself, so this is a later one; at a flight's end the last one answers again.
+        ahead = np.minimum(witness + 1, len(flight) - 1)
+        more = (flight[ahead] == flight[first]) & (following[ahead] >= 0)
+        witness = np.where(more, following[ahead], witness)
+        base_s = time_s[witness] - time_s[first]
+        has_base = base_s >= LEAST_BASE_S
+        answer = (position_m[witness] - position_m[first]) / np.where(has_base, base_s, 1.0)[:, None]
+        answers.append(np.where(has_base[:, None], answer, np.nan))
+        if len(answers) == 1:
+            shortest, shortest_s = witness, np.where(has_base, base_s, 1.0)
+    velocity = np.median(np.stack(answers), axis=0)
+    ends = measurements.take(first), measurements.take(shortest)
+    known = np.nan_to_num(velocity)
+    cov = sum(position_covariance(end, known) for end in ends) / shortest_s[:, None, None] ** 2
+    unknown = np.isnan(velocity[:, 0])
+    speed = np.hypot(*known.T)
+    known *= np.minimum(1.0, max_speed_mps / np.maximum(speed, 1.0))[:, None]
+    return known, np.where(unknown[:, None, None], UNKNOWN_VELOCITY_SIGMA_MPS**2 * np.eye(2), cov)

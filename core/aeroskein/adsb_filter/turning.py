@@ -45,6 +45,9 @@ CTRA: Final = (Variant(1.0, 1.0),)
 IMM_VARIANTS: Final = (Variant(0.0, 1.0), Variant(1.0, 0.0), Variant(0.0, 0.0))
 # A turn or a change of speed begins about every three minutes of straight flight and lasts about half a minute.
 IMM_RATES_PER_S: Final = np.array([[0.0, 0.005, 0.03], [0.005, 0.0, 0.03], [0.005, 0.005, 0.0]])
+# What a variant holds at zero is white from step to step: gusts and the tracking of an autopilot, not a manoeuvre. Its
+# noise is this share of that of a variant that keeps it; less makes the covariances of turns too small.
+HELD_SHARE: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,10 +93,7 @@ class Bank:
 
 
 def bank_of(settings: AdsbFilterSettings, *, several: bool) -> Bank:
-    """The published bank: CTRA alone, or its three variants interacting.
-
-    What a variant does not keep is white from step to step, a gust and not a manoeuvre: a tenth of the noise.
-    """
+    """The published bank: CTRA alone, or its three variants interacting."""
     variants = IMM_VARIANTS if several else CTRA
     keep = np.array(variants)[:, :, None]
     share = np.where(keep > 0.0, 1.0, HELD_SHARE) if several else np.ones_like(keep)
@@ -104,9 +104,6 @@ def bank_of(settings: AdsbFilterSettings, *, several: bool) -> Bank:
         yaw_rate_sigma_radps=settings.yaw_rate_sigma_radps * share[:, 1],
         rates_per_s=IMM_RATES_PER_S if several else np.zeros((1, 1)),
     )
-
-
-HELD_SHARE: Final = 0.1
 
 
 @dataclass(slots=True, eq=False)
