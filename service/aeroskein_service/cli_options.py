@@ -20,8 +20,9 @@ __all__ = [
 ]
 
 
-def share(text: str) -> float:
+def share(text: str | float) -> float:
     """A share given as ``0.01`` or ``1%``; raises ``typer.BadParameter``."""
+    text = str(text)  # typer also shows the default to its parser, as the number it is
     try:
         value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
     except ValueError:

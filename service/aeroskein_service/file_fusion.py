@@ -33,6 +33,7 @@ class _Ticker:
     def __init__(self, engine: FusionEngine, first_s: float) -> None:
         self.engine = engine
         self._done = math.floor(first_s / TICK_S)
+        self._fresh = False
         self.now_s = first_s
 
     def run(self, plots: Plots, clock_s: Array) -> Iterator[Happened]:
@@ -43,16 +44,24 @@ class _Ticker:
             yield from self.pass_time(int(ticks[start]))
             self.now_s = float(clock_s[end - 1])
             batch = plots.take(np.arange(start, end))
+            self._fresh = True
             yield self.now_s, self.engine.receive(batch, now_s=self.now_s)
 
     def pass_time(self, until: int) -> Iterator[Happened]:
-        """Let the engine work on every tick up to ``until``; ticks on which it has nothing to do are skipped."""
+        """Let the engine work on every tick up to ``until``.
+
+        The first tick after reports is always worked on; of those after it only the ones for which the engine has
+        something to do, so that hours without reports cost nothing.
+        """
         while self._done < until:
-            deadline_s = self.engine.next_deadline_s()
-            if deadline_s is None or deadline_s > until * TICK_S:
-                break
-            self._done = max(self._done + 1, min(until, math.ceil(deadline_s / TICK_S)))
-            now_s = self._done * TICK_S
+            following = self._done + 1
+            if not self._fresh:
+                deadline_s = self.engine.next_deadline_s()
+                if deadline_s is None or deadline_s > until * TICK_S:
+                    break
+                following = max(following, math.ceil(deadline_s / TICK_S))
+            self._done, self._fresh = following, False
+            now_s = following * TICK_S
             yield now_s, self.engine.advance(now_s=now_s)
         self._done = max(self._done, until)
 
