@@ -242,6 +242,7 @@ class Runner:
 
     def _make_status(self, now_s: float) -> dict[str, Any]:
         before = {} if self.status is None else self.status["sensors"]
+        self._counters.drop(self._inbox.dropped)
         sensors = self._counters.per_sensor(self._inbox.depths(), self._inbox.dropped)
         alarms = [*self._engine.alarms(), *self._alarms()]
         alarms += sensor_alarms(self._sensors, sensors, before, now_s=now_s, started_s=self._started_s)

@@ -38,6 +38,7 @@ class Counters:
         self.sequences = [Sequences() for _ in sensors]
         self.batches = [0] * len(sensors)
         self.points = dict.fromkeys(Product, 0)
+        self._dropped = [0] * len(sensors)
         self._last_report_s = np.full(len(sensors), np.nan)
         self._latency_s = np.full(len(sensors), np.nan)
         self._delay_sum_s = np.zeros(len(sensors))
@@ -46,6 +47,12 @@ class Counters:
     def reject(self, sensor: int, reason: Reason, many: int = 1) -> None:
         """Count what was wrong with a batch or with reports the engine never saw."""
         self.reports[sensor, reason] += many
+
+    def drop(self, dropped: Sequence[int]) -> None:
+        """Count what the inbox has dropped so far: each batch counts as one rejection."""
+        for sensor, many in enumerate(dropped):
+            self.reports[sensor, Reason.OVERLOAD] += many - self._dropped[sensor]
+            self._dropped[sensor] = many
 
     def see(self, plots: Plots) -> None:
         """Note when reports came and how old they were."""

@@ -25,7 +25,7 @@ LIMIT_S = 30.0  # a condition that has not come true by then never will
 
 ADDRESSES = ("3C6444", "4CA2D6", "A0B1C2")
 
-CONFIGURATION = """
+SENSORS = """
 [[sensors]]
 id = "adsb"
 kind = "adsb"
@@ -36,7 +36,9 @@ kind = "ssr"
 lat_deg = 48.35
 lon_deg = 11.78
 height_m = 460.0
+"""
 
+CONFIGURATION = """
 [fusion]
 element_s = 2.0
 lookahead = 0
@@ -73,16 +75,18 @@ def wait_until(condition: Callable[[], Any], what: str, limit_s: float = LIMIT_S
     return value
 
 
-def write_config(folder: Path, endpoint: str, prefix: str, more: str = "") -> Path:
-    """A configuration file for a service of two sensors."""
+def write_config(folder: Path, endpoint: str, prefix: str, sensors: str = SENSORS) -> Path:
+    """A configuration file for a service of two sensors, or of others."""
     path = folder / "config.toml"
-    path.write_text(CONFIGURATION.format(endpoint=endpoint, prefix=prefix) + more)
+    path.write_text(sensors + CONFIGURATION.format(endpoint=endpoint, prefix=prefix))
     return path
 
 
-def make_config(folder: Path, endpoint: str, prefix: str, overrides: Mapping[str, Any] | None = None) -> Config:
+def make_config(
+    folder: Path, endpoint: str, prefix: str, overrides: Mapping[str, Any] | None = None, sensors: str = SENSORS
+) -> Config:
     """The same, read."""
-    return load_config(write_config(folder, endpoint, prefix), overrides=overrides, environ={})
+    return load_config(write_config(folder, endpoint, prefix, sensors), overrides=overrides, environ={})
 
 
 @contextmanager
