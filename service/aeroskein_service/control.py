@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, cast, get_args
 import structlog
 
 from aeroskein.engine import FusionEngine
+from aeroskein.errors import AeroskeinError
 from aeroskein_service.messages import VERSION, RegistrationMessage
 from aeroskein_service.replies import registration_message
 
@@ -25,7 +26,7 @@ _VALUES: Final = {
 }
 
 
-class QuestionError(ValueError):
+class QuestionError(AeroskeinError):
     """A question that cannot be answered; the message is the reply."""
 
 

@@ -16,6 +16,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from aeroskein.errors import AeroskeinError
 from aeroskein_service.metrics import CONTENT_TYPE
 
 __all__ = ["HealthServer", "ListenError", "bind"]
@@ -23,7 +24,7 @@ __all__ = ["HealthServer", "ListenError", "bind"]
 STOP_S: Final = 2.0  # a client that keeps its connection open does not keep the service
 
 
-class ListenError(RuntimeError):
+class ListenError(AeroskeinError):
     """The address cannot be listened at; the message is one sentence for the operator."""
 
 

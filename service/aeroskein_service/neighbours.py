@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterable
 from typing import Final
 
+from aeroskein.errors import AeroskeinError
 from aeroskein_service.keys import Keys
 from aeroskein_service.transport import Session
 
@@ -18,7 +19,7 @@ __all__ = ["AnotherServiceError", "Neighbours", "claim"]
 SETTLE_S: Final = 0.5
 
 
-class AnotherServiceError(RuntimeError):
+class AnotherServiceError(AeroskeinError):
     """Another fusion service works here already; the message is one sentence for the operator."""
 
 

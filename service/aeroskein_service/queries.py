@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from aeroskein.engine import FusionEngine
+from aeroskein.errors import AeroskeinError
 from aeroskein.selection import Selection
 from aeroskein_service.codec import (
     PointEncoder,
@@ -23,7 +24,7 @@ from aeroskein_service.codec import (
 from aeroskein_service.control import Controls, QuestionError
 from aeroskein_service.keys import Keys
 from aeroskein_service.messages import VERSION, Report
-from aeroskein_service.selecting import SelectionError, parse_selection
+from aeroskein_service.selecting import parse_selection
 from aeroskein_service.transport import Question
 
 __all__ = ["Desk"]
@@ -67,7 +68,7 @@ class Desk:
         """Reply to one question, or refuse it with a sentence."""
         try:
             payload = self._answers[question.key](question.parameters, now_s)
-        except (QuestionError, SelectionError) as error:
+        except AeroskeinError as error:
             question.refuse(str(error))
         else:
             question.reply(payload, self._encoding)

@@ -42,6 +42,7 @@ LINGER_S: Final = 0.015
 TICK_S: Final = 0.1  # elements of many aircraft close together, which costs a tenth of closing them one by one
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 10.0  # every radar's state goes out at least this often
+SNAPSHOT_S: Final = 10.0
 LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
 NO_PLOTS: Final = Plots.of(0)
 DRAIN_S: Final = 2.0  # what is queued at the end is worked on for this long, the rest counts as overload
@@ -81,7 +82,8 @@ class Runner:
         self._instance, self._alarms, self._clock = instance, alarms, clock
         self._sensors = engine.settings.sensors
         self._started_s = self._next_status_s = clock()
-        self._next_registration_s = self._advanced_s = self._next_advance_s = self._started_s
+        self._next_registration_s = self._next_snapshot_s = self._started_s
+        self._advanced_s = self._next_advance_s = self._started_s
         self._last_reports = 0
         self._delay_s = 0.0
         self._log = structlog.get_logger("aeroskein.runner")
@@ -202,6 +204,8 @@ class Runner:
             self._store.reserve_now(self._engine.next_track_number)
         for event in events:
             if isinstance(event, FusedPoints):
+                if event.product is Product.ELEMENT:
+                    self._store.note_published(event)
                 self._outlet.points(event, published_s=self._clock())
                 self._counters.points[event.product] += len(event)
             elif isinstance(event, Rejections):
@@ -234,11 +238,18 @@ class Runner:
             self._next_registration_s = now_s + REGISTRATION_S
             for state in self._engine.registration():
                 self._outlet.registration(state)
-        if not last and self._store.wants_snapshot():
-            self._store.keep(self._engine.next_track_number, self._engine.snapshot())
+        self._keep(now_s)
         self.status = self._make_status(now_s)
         self._outlet.status(self.status)
         self._delay_s = 0.0
+
+    def _keep(self, now_s: float) -> None:
+        """Reserve numbers ahead every second; a snapshot now and then, the journal covers the time between."""
+        snapshot = None
+        if now_s >= self._next_snapshot_s and self._store.wants_snapshot():
+            self._next_snapshot_s = now_s + SNAPSHOT_S
+            snapshot = self._engine.snapshot()
+        self._store.keep(self._engine.next_track_number, snapshot)
 
     def _make_status(self, now_s: float) -> dict[str, Any]:
         before = {} if self.status is None else self.status["sensors"]

@@ -118,12 +118,12 @@ class Service:
         engine = FusionEngine(
             self._config.engine, epoch_ms=int(time.time() * 1000), first_track_number=store.first_number
         )
-        snapshot = store.snapshot()
-        if snapshot is not None:
-            try:
+        try:
+            snapshot = store.snapshot(engine.snapshot())
+            if snapshot is not None:
                 engine.restore(snapshot)
-            except SnapshotError as error:
-                self._log.error("snapshot_ignored", why=str(error))
+        except SnapshotError as error:
+            self._log.error("snapshot_ignored", why=str(error))
         return engine
 
     def _make_runner(self, engine: FusionEngine, inbox: Inbox, store: StateStore, neighbours: Neighbours) -> Runner:
@@ -206,6 +206,8 @@ class Service:
     # -- stop ----------------------------------------------------------------------------------------------------
     def stop(self) -> None:
         """Stop intake, finish what is there, publish the last points and status, close everything."""
+        if self._waiting == "stopped":
+            return
         self._waiting = "stopping"
         for session in self._intake:
             session.close()
@@ -217,4 +219,5 @@ class Service:
             else:
                 self._store.close(self._engine.next_track_number, self._engine.snapshot())
         self._held.close()
+        self._waiting = "stopped"
         self._log.info("service_stopped", instance=self.instance)

@@ -1,4 +1,4 @@
-"""What must survive a restart, in one folder: which track numbers are taken, and the engine's own snapshot.
+"""What must survive a restart, in one folder: which track numbers are taken, registration, and what was published.
 
 Numbers are reserved in blocks before they are used, so that a crash costs at most a block and never uses one twice.
 Every file is replaced whole: written beside, synced, renamed.
@@ -6,14 +6,17 @@ Every file is replaced whole: written beside, synced, renamed.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
+
+from aeroskein.errors import AeroskeinError
+from aeroskein.points import FusedPoints
+from aeroskein_service.journal import ElementJournal
 
 __all__ = ["StateError", "StateStore"]
 
@@ -24,7 +27,7 @@ BLOCK: Final = 20_000
 SLACK: Final = 10_000
 
 
-class StateError(RuntimeError):
+class StateError(AeroskeinError):
     """The folder cannot be used; the message is one sentence for the operator."""
 
 
@@ -40,6 +43,7 @@ class StateStore:
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._busy = threading.Event()
         self._writer: threading.Thread | None = None
+        self._journal: ElementJournal | None = None
         self.first_number = 1
         self._reserved = 1
         if self._folder is None:
@@ -48,6 +52,7 @@ class StateStore:
             self._folder.mkdir(parents=True, exist_ok=True)
             self.first_number = self._reserved = self._read_numbers()
             self._write_numbers(self.first_number + BLOCK)
+            self._journal = ElementJournal(self._folder)
         except OSError as error:
             raise StateError(f"service.state_dir: {folder} cannot be used: {error.strerror}") from error
         self._writer = threading.Thread(target=self._write_on, name="state-store", daemon=True)
@@ -70,6 +75,14 @@ class StateStore:
         self._replace(NUMBERS, json.dumps({"version": 1, "next_track_number": reserved}).encode())
         self._reserved = reserved
 
+    def _write_snapshot(self, snapshot: bytes, covered: Sequence[Path]) -> None:
+        self._replace(SNAPSHOT, snapshot)
+        for path in covered:
+            path.unlink(missing_ok=True)
+
+    def _cannot_write(self, error: OSError) -> None:
+        self._complain(f"service.state_dir: {self._folder} cannot be written: {error.strerror}")
+
     def _replace(self, name: str, content: bytes) -> None:
         assert self._folder is not None
         beside = self._folder / f".{name}.new"
@@ -84,16 +97,26 @@ class StateStore:
         finally:
             os.close(folder)
 
-    def snapshot(self) -> bytes | None:
-        """What the engine wrote last, None on a clean start."""
-        if self._folder is None:
+    def snapshot(self, fresh: bytes) -> bytes | None:
+        """What an engine has to restore: the last snapshot, or ``fresh``, and what was published after it.
+
+        None without a folder. Raises ``SnapshotError``, or ``StateError`` where the folder cannot be read.
+        """
+        if self._folder is None or self._journal is None:
             return None
         try:
-            return (self._folder / SNAPSHOT).read_bytes()
-        except FileNotFoundError:
-            return None
+            path = self._folder / SNAPSHOT
+            return self._journal.added_to(path.read_bytes() if path.exists() else fresh)
         except OSError as error:
             raise StateError(f"service.state_dir: {self._folder} cannot be read: {error.strerror}") from error
+
+    def note_published(self, points: FusedPoints) -> None:
+        """Write down element points before they are published."""
+        if self._journal is not None:
+            try:
+                self._journal.append(points)
+            except OSError as error:
+                self._cannot_write(error)
 
     def wants_snapshot(self) -> bool:
         """Whether there is a folder, and the last snapshot has been written."""
@@ -108,7 +131,8 @@ class StateStore:
             self._jobs.put(lambda: self._write_numbers(next_number + BLOCK))
         if snapshot is not None:
             self._busy.set()
-            self._jobs.put(lambda: self._replace(SNAPSHOT, snapshot))
+            covered = [] if self._journal is None else self._journal.begin_file()
+            self._jobs.put(lambda: self._write_snapshot(snapshot, covered))
 
     def covers(self, next_number: int) -> bool:
         """Whether every number below ``next_number`` is reserved on the disk."""
@@ -124,10 +148,12 @@ class StateStore:
         if self._writer is None:
             return
         self.abandon()
-        with contextlib.suppress(OSError):
+        try:
             self._write_numbers(next_number)
-            if snapshot is not None:
-                self._replace(SNAPSHOT, snapshot)
+            if snapshot is not None and self._journal is not None:
+                self._write_snapshot(snapshot, self._journal.files())
+        except OSError as error:
+            self._cannot_write(error)
 
     def abandon(self) -> None:
         """Stop without a final state: what is on the disk already is what counts."""
@@ -135,12 +161,14 @@ class StateStore:
             self._jobs.put(None)
             self._writer.join()
             self._writer = None
+        if self._journal is not None:
+            self._journal.close()
 
     def _write_on(self) -> None:
         while (job := self._jobs.get()) is not None:
             try:
                 job()
             except OSError as error:
-                self._complain(f"service.state_dir: {self._folder} cannot be written: {error.strerror}")
+                self._cannot_write(error)
             if self._jobs.empty():
                 self._busy.clear()

@@ -18,6 +18,7 @@ from typing import Any, Final, Self, cast
 import zenoh
 from zenoh import ext
 
+from aeroskein.errors import AeroskeinError
 from aeroskein_service.link import BASE_SETTINGS, Link, client_settings
 
 __all__ = [
@@ -46,7 +47,7 @@ KNOWN_KEYS: Final = 65_536  # key expressions kept parsed, about 20 MB; tracks t
 HEARTBEAT_S: Final = 0.5  # how soon a subscriber notices that the newest sample is missing
 
 
-class TransportError(RuntimeError):
+class TransportError(AeroskeinError):
     """Something about Zenoh that the operator has to repair; the message is one sentence for them."""
 
 

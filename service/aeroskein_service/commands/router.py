@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from aeroskein_service.signals import end_within, stop_on_signals
-from aeroskein_service.transport import Router, TransportError
+from aeroskein_service.transport import Router
 
 __all__ = ["run"]
 
@@ -27,16 +27,17 @@ def run(config: Path | None = None, listen: Sequence[str] = ()) -> int:
     Returns
     -------
     int
-        0 after an orderly end, 1 where an endpoint is taken or the file cannot be used.
+        0 after an orderly end.
+
+    Raises
+    ------
+    TransportError
+        Where an endpoint is taken or the file cannot be used.
     """
     stop = stop_on_signals()
     if config is None and not listen:
         listen = ("tcp/0.0.0.0:7447",)
-    try:
-        router = Router(listen=listen, config_file=config)
-    except TransportError as error:
-        print(error, file=sys.stderr)
-        return 1
+    router = Router(listen=listen, config_file=config)
     print(f"routing at {', '.join(listen) or f'the endpoints of {config}'}", file=sys.stderr)
     stop.wait()
     timer = end_within(STOP_S)

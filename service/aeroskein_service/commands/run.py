@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 from typing import Final
 
+from aeroskein.errors import AeroskeinError
 from aeroskein_service.config import Config
-from aeroskein_service.http import ListenError
-from aeroskein_service.neighbours import AnotherServiceError
 from aeroskein_service.service import Service
 from aeroskein_service.signals import end_within, stop_on_signals
-from aeroskein_service.state_store import StateError
-from aeroskein_service.transport import OpenCancelledError, TransportError
+from aeroskein_service.transport import OpenCancelledError
 
 __all__ = ["run"]
 
 STOP_S: Final = 4.8  # an orderly end that takes longer is ended by force
 LOOK_S: Final = 0.5  # how often a failed worker is looked for
+
+
+class WorkerError(AeroskeinError):
+    """The worker ended by itself; the log says where."""
 
 
 def run(config: Config) -> int:
@@ -26,7 +27,12 @@ def run(config: Config) -> int:
     Returns
     -------
     int
-        0 after an orderly end, 1 where it could not start or the worker failed.
+        0 after an orderly end.
+
+    Raises
+    ------
+    AeroskeinError
+        Where it cannot start, or the worker failed; the message is one sentence.
     """
     stop = stop_on_signals()
     service = Service(config)
@@ -35,9 +41,6 @@ def run(config: Config) -> int:
         return _watch(service, stop)
     except OpenCancelledError:
         return 0
-    except (ListenError, StateError, AnotherServiceError, TransportError) as error:
-        print(error, file=sys.stderr)
-        return 1
     finally:
         timer = end_within(STOP_S)
         service.stop()
@@ -48,6 +51,5 @@ def _watch(service: Service, stop: threading.Event) -> int:
     """Wait for the end."""
     while not stop.wait(LOOK_S):
         if service.failure is not None:
-            print(f"the worker failed: {service.failure!r}", file=sys.stderr)
-            return 1
+            raise WorkerError(f"the worker failed: {service.failure!r}")
     return 0

@@ -16,7 +16,7 @@ from aeroskein_service.config import Config
 from aeroskein_service.consumer import Consumer
 from aeroskein_service.keys import Keys
 from aeroskein_service.signals import end_within, stop_on_signals
-from aeroskein_service.transport import OpenCancelledError, TransportError, open_session
+from aeroskein_service.transport import OpenCancelledError, open_session
 
 __all__ = ["run"]
 
@@ -43,16 +43,18 @@ def run(
     Returns
     -------
     int
-        0 after an orderly end, 1 where the configuration of Zenoh cannot work.
+        0 after an orderly end.
+
+    Raises
+    ------
+    TransportError
+        Where the configuration of Zenoh cannot work.
     """
     stop = stop_on_signals()
     try:
         session = open_session(config.zenoh.link, announce=lambda what: print(what, file=sys.stderr), stop=stop)
     except OpenCancelledError:
         return 0
-    except TransportError as error:
-        print(error, file=sys.stderr)
-        return 1
     try:
         consumer = Consumer(session, Keys(config.zenoh.prefix), product, None if track is None else track.upper())
         console = Console()
