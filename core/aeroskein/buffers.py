@@ -27,7 +27,7 @@ def ring_depth(settings: EngineSettings) -> int:
     """Reports that a ring must hold: twice what the sensors send inside the longest open window.
 
     The window reaches from the settled time (up to half an element before the open element) over the look-ahead to
-    the clock; elements are up to a quarter longer than set, and a track may change from long to short ones.
+    the clock, with a quarter to spare.
     """
     fusion = settings.fusion
     rate = sum(1.0 / s.period_s for s in settings.sensors)

@@ -101,9 +101,7 @@ class Located:
         )
 
 
-def locate(
-    plots: Plots, table: SensorTable, height_m: Array, height_sigma_m: Array, bias_sigmas: tuple[Array, Array]
-) -> Located:
+def locate(plots: Plots, table: SensorTable, height_m: Array, height_sigma_m: Array, bias_sigmas: Array) -> Located:
     """Find the position of every report.
 
     Parameters
@@ -114,8 +112,8 @@ def locate(
         The sensors.
     height_m, height_sigma_m : (n,) arrays
         Geometric height to assume for radar plots, and its sigma; NaN where nobody knows. [m]
-    bias_sigmas : two arrays by sensor
-        One sigma of what registration has left in range [m] and azimuth [deg].
+    bias_sigmas : (n, 4) array
+        One sigma of what registration has left in range, azimuth, time and gain. [m, deg, s, 1]
     """
     n = len(plots)
     radar = table.is_radar[plots.sensor] & np.isfinite(plots.range_m)
@@ -133,8 +131,8 @@ def locate(
         lat[at], lon[at], feasible[at] = fix.lat_deg, fix.lon_deg, fix.feasible
         covariance[at] = radar_covariance(
             sites, slant, azimuth, fix,
-            range_sigma_m=np.hypot(table.range_sigma_m, bias_sigmas[0])[sensor],
-            azimuth_sigma_deg=np.hypot(table.azimuth_sigma_deg, bias_sigmas[1])[sensor],
+            range_sigma_m=np.hypot(table.range_sigma_m[sensor], bias_sigmas[at, 0]),
+            azimuth_sigma_deg=np.hypot(table.azimuth_sigma_deg[sensor], bias_sigmas[at, 1]),
             height_sigma_m=np.where(unknown, UNKNOWN_HEIGHT_SIGMA_M, height_sigma_m)[at],
         )  # fmt: skip
         # Above a radar even a wrong height says that the target is there: overhead, within the height's blur.
@@ -143,22 +141,22 @@ def locate(
 
 
 def measure(
-    plots: Plots, located: Located, slot: Ints, frames: Array, table: SensorTable, time_sigma_s: Array
+    raw: Plots, plots: Plots, located: Located, slot: Ints, frames: Array, table: SensorTable, time_sigma_s: Array
 ) -> Measurements:
     """Bring located reports into the planes of their tracks.
 
     Parameters
     ----------
-    plots, located : Plots, Located
-        The reports, times already corrected for registration.
+    raw, plots, located : Plots, Plots, Located
+        The reports as they came, corrected for registration, and where they are.
     slot : (n,) int64
         Their tracks.
     frames : (n, 12) array
         The frames of those tracks.
     table : SensorTable
         The sensors.
-    time_sigma_s : array by sensor
-        One sigma of each sensor's time stamps, with what registration has left. [s]
+    time_sigma_s : (n,) array
+        One sigma of their time stamps, with what registration has left. [s]
     """
     east, north = geodesy.to_plane(frames, located.lat_deg, located.lon_deg)
     axes = geodesy.local_axes(frames, located.lat_deg, located.lon_deg, located.height_m)
@@ -183,8 +181,11 @@ def measure(
         v_east_mps=np.where(own, v_east, np.nan),
         v_north_mps=np.where(own, v_north, np.nan),
         velocity_variance=np.where(own, sigma**2, np.nan),
-        time_variance=time_sigma_s[plots.sensor] ** 2,
+        time_variance=time_sigma_s**2,
         altitude_m=plots.altitude_m,
         vertical_rate_mps=plots.vertical_rate_mps,
         height_m=plots.height_m,
+        stamp_s=raw.time_s,
+        range_m=raw.range_m,
+        azimuth_deg=raw.azimuth_deg,
     )

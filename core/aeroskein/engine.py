@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from aeroskein import ageing, conversion, dispositions, fusion, snapshots
+from aeroskein.applied_biases import AppliedBiases
 from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.events import Event, RegistrationState, Rejections
 from aeroskein.intake import Batch, Intake, Verdicts
@@ -25,7 +26,7 @@ from aeroskein.live import first_state
 from aeroskein.measurements import COLUMNS, Measurements
 from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.points import FusedPoints, Product, Status
-from aeroskein.publishing import element_points, live_points, live_state
+from aeroskein.publishing import element_points, element_vertical, live_points, live_state
 from aeroskein.reasons import Reason
 from aeroskein.references import ReferenceSampler, compare
 from aeroskein.registration import Registration
@@ -78,6 +79,7 @@ class FusionEngine:
         self._state = EngineState(settings, first_track_number)
         self._intake = Intake(settings)
         self._registration = Registration(settings)
+        self._biases = AppliedBiases(*self._registration.table())
         self._sampler = ReferenceSampler(len(settings.sensors))
         self._registered_s = -math.inf
         # End of the last element that was published before a restart, by address. [s since the epoch]
@@ -92,6 +94,7 @@ class FusionEngine:
             return []
         self._now_s = now_s
         self._clock.start()
+        self._begin_block()
         verdicts = self._intake.check(plots, now_s)
         rows = np.flatnonzero(verdicts.reason == 0)
         self._clock.lap("intake", len(plots))
@@ -100,6 +103,13 @@ class FusionEngine:
         if self.want_dispositions:
             events.append(dispositions.of_batch(plots, verdicts, self._state.tracks))
         return events
+
+    def _begin_block(self) -> None:
+        """What has been learned is applied to reports stamped from the next full ten seconds on."""
+        state = self._state
+        if state.block.begins(self._now_s):
+            state.offsets.begin_block()
+            self._biases.begin_block(*self._registration.table())
 
     def _take_in(self, plots: Plots, rows: Ints, verdicts: Verdicts, now_s: float) -> list[Event]:
         """Give checked reports to their tracks, filter, and publish live."""
@@ -132,23 +142,19 @@ class FusionEngine:
         slot = state.tracks.owner(plots.address)
         known = slot >= 0
         at = np.where(known, slot, 0)
-        altitude, height, _, _ = state.live.vertical.at(at, plots.time_s)
-        own_offset = np.where(known, height - altitude, np.nan)
-        offset, sigma = state.frames.offset_near(state.tracks.frame[at], known)
-        offset = np.where(np.isnan(own_offset), offset, own_offset)
+        before = state.block.before(raw.time_s)
+        offset, sigma = state.offsets.applied(slot, state.tracks.frame[at], before)
         geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
-        geometric = np.where(np.isnan(geometric) & known, height, geometric)
-        sigmas = self._registration.bias_sigmas(np.arange(len(self.settings.sensors)))
-        located = conversion.locate(plots, state.sensors, geometric, sigma, (sigmas[:, 0], sigmas[:, 1]))
+        blind = np.isnan(geometric) & known
+        if blind.any():
+            geometric[blind] = state.live.vertical.at(at[blind], plots.time_s[blind])[1]
+        located = conversion.locate(plots, state.sensors, geometric, sigma, self._biases.sigmas(raw.sensor, before))
         return Batch(rows, raw, plots, located, slot)
 
     def _corrected(self, raw: Plots) -> Plots:
-        radar = self._state.sensors.is_radar[raw.sensor]
-        if not radar.any():
+        if not self._state.sensors.is_radar[raw.sensor].any():
             return raw
-        sensor = raw.sensor.astype(np.int64)
-        range_m, azimuth_deg, time_s = self._registration.correct(sensor, raw.range_m, raw.azimuth_deg, raw.time_s)
-        return replace(raw, range_m=np.maximum(range_m, 0.0), azimuth_deg=azimuth_deg, time_s=time_s)
+        return self._biases.correct(raw, self._state.block.before(raw.time_s))
 
     def _open_tracks(self, batch: Batch) -> None:
         """Begin a track for every address that has none; fills in ``slot``."""
@@ -163,15 +169,17 @@ class FusionEngine:
         new = state.tracks.open(addresses, np.ones(len(addresses), dtype=np.bool_))
         began = fresh[first]
         state.tracks.frame[new] = state.frames.near(batch.located.lat_deg[began], batch.located.lon_deg[began])
+        state.offsets.make_frames(len(state.frames.rows))
         state.clear(new)
         batch.slot[fresh] = new[np.searchsorted(addresses, address[fresh])]
 
     def _measured(self, batch: Batch) -> Measurements:
         state = self._state
         frames = state.frames.rows[state.tracks.frame[batch.slot]]
-        left = self._registration.bias_sigmas(np.arange(len(self.settings.sensors)))[:, 2]
-        time_sigma_s = np.hypot(state.sensors.time_sigma_s, left)
-        return conversion.measure(batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
+        raw = batch.raw
+        left = self._biases.sigmas(raw.sensor, state.block.before(raw.time_s))[:, 2]
+        time_sigma_s = np.hypot(state.sensors.time_sigma_s[raw.sensor], left)
+        return conversion.measure(raw, batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
 
     def _unrepeated(self, batch: Batch, verdicts: Verdicts) -> Batch:
         """Refuse implausible, late, duplicate and stale reports."""
@@ -214,11 +222,8 @@ class FusionEngine:
         """Identity, status and counts of tracks that got reports; registration; live points."""
         state, raw, slot = self._state, batch.raw, batch.slot
         state.tracks.note(slot, raw, reports.time_s)
-        both = np.isfinite(raw.altitude_m) & np.isfinite(raw.height_m)
-        state.frames.learn_offset(state.tracks.frame[slot[both]], (raw.height_m - raw.altitude_m)[both])
         slots = np.unique(slot)
         events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
-        self._learn_biases(batch, reports, now_s)
         self._clock.lap("tracks", len(batch))
         if self.settings.fusion.live:
             time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
@@ -227,20 +232,6 @@ class FusionEngine:
                 events.append(live_points(state, slots[ahead], time[ahead]))
             self._clock.lap("live points", int(ahead.sum()))
         return events
-
-    def _learn_biases(self, batch: Batch, reports: Measurements, now_s: float) -> None:
-        """Show registration some of the radar plots beside references that those radars had no part in."""
-        if not self.settings.registration.enabled:
-            return
-        state = self._state
-        radar = state.sensors.is_radar[batch.raw.sensor] & (state.tracks.status[batch.slot] == Status.CONFIRMED)
-        rows = self._sampler.some(np.flatnonzero(radar), batch.raw.sensor, state.tracks.number[batch.slot], now_s)
-        if not len(rows):
-            return
-        trusted = np.ones(state.tracks.capacity, dtype=np.bool_)
-        comparisons = compare(state, batch.raw.take(rows), reports.take(rows), trusted)
-        if comparisons is not None:
-            self._registration.update(comparisons)
 
     # -- time ----------------------------------------------------------------------------------
     def advance(self, *, now_s: float) -> list[Event]:
@@ -260,7 +251,6 @@ class FusionEngine:
         if now_s - self._registered_s >= REGISTRATION_PERIOD_S:
             self._registration.advance(now_s=now_s)
             self._registered_s = now_s
-            self._clock.lap("bias estimate", 1)
         return events
 
     def finish(self, *, now_s: float) -> list[Event]:
@@ -328,10 +318,17 @@ class FusionEngine:
         master = state.masters.choose(
             closed.slots, closed.span_s[:, 1], window.time_s, window.sensor_index, window.r_ee + window.r_nn, accepted
         )
-        points = element_points(state, closed, fused, master)
+        vertical = element_vertical(state, closed)
+        points = element_points(state, closed, fused, vertical, master)
         number, frame = state.tracks.number[closed.slots], state.tracks.frame[closed.slots]
         state.element_log.add(closed, number, frame, points.seq, fused.half_width_m, fused.reason)
         self._clock.lap("element points", len(slots))
+        if self.settings.registration.enabled:
+            trusted = np.ones(len(slots), dtype=np.bool_)
+            comparisons = compare(state, closed, vertical, self._sampler, self._now_s, trusted)
+            if comparisons is not None:
+                self._registration.update(comparisons)
+            self._clock.lap("bias estimate", len(slots))
         events: list[Event] = [points]
         if self.want_dispositions:
             events.append(dispositions.of_elements(closed, fused, state.tracks))
@@ -417,3 +414,4 @@ class FusionEngine:
         """Take a snapshot over. Raises ``SnapshotError``."""
         registration, self._published_until_s = snapshots.unpack(data)
         self._registration.restore(registration)
+        self._biases.replace(*self._registration.table())

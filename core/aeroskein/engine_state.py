@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from aeroskein.buffers import ReportBuffers, ring_depth
-from aeroskein.closing import LONGEST, ElementTable
+from aeroskein.calibration import BlockTime, HeightOffsets
+from aeroskein.closing import ElementTable
 from aeroskein.conversion import SensorTable
 from aeroskein.element_log import ElementLog
 from aeroskein.frames import FrameTable
@@ -42,10 +43,12 @@ class EngineState:
         self.live = LiveProduct(capacity, self.sensors.altitude_sigma_m)
         self.elements = ElementTable(settings, capacity)
         self.masters = MasterChoice(capacity, self.sensors.period_s)
+        self.block = BlockTime()
+        self.offsets = HeightOffsets(capacity)
         self.seq = np.zeros((len(Product), capacity), dtype=np.int64)
         self.coasted_s = np.full(capacity, -np.inf)
         self.reports = ReportLog()
-        self.element_log = ElementLog(SLOW_ELEMENTS * LONGEST * settings.fusion.element_s)
+        self.element_log = ElementLog(SLOW_ELEMENTS * settings.fusion.element_s)
 
     def make_room(self, n: int) -> None:
         """See to it that ``n`` more tracks have slots."""
@@ -53,14 +56,14 @@ class EngineState:
         more = capacity - self.tracks.capacity
         if more == 0:
             return
-        for part in (self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters):
+        for part in (self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters, self.offsets):
             part.grow(capacity)
         self.seq = np.concatenate([self.seq, np.zeros((len(Product), more), dtype=np.int64)], axis=1)
         self.coasted_s = np.concatenate([self.coasted_s, np.full(more, -np.inf)])
 
     def clear(self, slots: Ints) -> None:
         """Make the slots of new tracks blank."""
-        for part in (self.memory, self.buffers, self.live, self.masters):
+        for part in (self.memory, self.buffers, self.live, self.masters, self.offsets):
             part.clear(slots)
         self.seq[:, slots] = 0
         self.coasted_s[slots] = -np.inf

@@ -147,7 +147,7 @@ def heights(flights: Flights, altitude_sigma_m: Array) -> tuple[Array, Array]:
     return height_m, np.hypot(altitude_sigma_m[plots.sensor], spread)
 
 
-def locate_flights(flights: Flights, table: SensorTable, bias_sigmas: tuple[Array, Array]) -> Located:
+def locate_flights(flights: Flights, table: SensorTable, bias_sigmas: Array) -> Located:
     """Find the position of every report; radar measurements are corrected already.
 
     Parameters
@@ -156,8 +156,8 @@ def locate_flights(flights: Flights, table: SensorTable, bias_sigmas: tuple[Arra
         The reports.
     table : SensorTable
         The sensors.
-    bias_sigmas : two arrays by sensor
-        One sigma of what registration left in range [m] and azimuth [deg].
+    bias_sigmas : (n, 4) array
+        One sigma of what registration left in range, azimuth, time and gain. [m, deg, s, 1]
     """
     return locate(flights.plots, table, *heights(flights, table.altitude_sigma_m), bias_sigmas)
 
@@ -205,4 +205,7 @@ def measure(
         altitude_m=plots.altitude_m,
         vertical_rate_mps=plots.vertical_rate_mps,
         height_m=plots.height_m,
+        stamp_s=plots.time_s,
+        range_m=plots.range_m,
+        azimuth_deg=plots.azimuth_deg,
     )

@@ -33,6 +33,9 @@ COLUMNS: Final = (
     "height_m",
     "sensor",
     "received_s",
+    "stamp_s",
+    "range_m",
+    "azimuth_deg",
     # Not measured: what the manoeuvre detector found at this report, zero before it has been there. [m²/s⁵]
     "jerk_density",
 )
@@ -63,6 +66,8 @@ class Measurements:
         Variance of the time stamp. [s²]
     altitude_m, vertical_rate_mps, height_m : float64
         Pressure altitude, its rate, geometric height; NaN where none. [m, m/s, m]
+    stamp_s, range_m, azimuth_deg : float64
+        Time, slant range and azimuth as the sensor reported them, for registration. [s since the epoch, m, deg]
     """
 
     slot: Ints
@@ -81,6 +86,9 @@ class Measurements:
     altitude_m: Array
     vertical_rate_mps: Array
     height_m: Array
+    stamp_s: Array
+    range_m: Array
+    azimuth_deg: Array
 
     def __len__(self) -> int:
         return len(self.time_s)

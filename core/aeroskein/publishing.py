@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from aeroskein.points import Flag, FusedPoints, Product, Status
 from aeroskein.vertical import fit_at
 from aeroskein.windows import REPORT
 
-__all__ = ["element_points", "live_points", "live_state"]
+__all__ = ["Vertical", "element_points", "element_vertical", "live_points", "live_state"]
 
 
 def live_points(state: EngineState, slots: Ints, time_s: Array) -> FusedPoints:
@@ -51,7 +53,17 @@ def live_state(state: EngineState, slots: Ints, time_s: Array, seq: Ints) -> Fus
     )  # fmt: skip
 
 
-def element_points(state: EngineState, closed: Closed, fused: Fused, master: NDArray[np.int16]) -> FusedPoints:
+class Vertical(NamedTuple):
+    """Altitude, height and vertical rate at the centres of elements, NaN where unknown, ``(n,)``. [m, m, m/s]"""
+
+    altitude_m: Array
+    height_m: Array
+    rate_mps: Array
+
+
+def element_points(
+    state: EngineState, closed: Closed, fused: Fused, vertical: Vertical, master: NDArray[np.int16]
+) -> FusedPoints:
     """The fused points of closed elements."""
     slots, tracks = closed.slots, state.tracks
     n = len(slots)
@@ -69,11 +81,10 @@ def element_points(state: EngineState, closed: Closed, fused: Fused, master: NDA
         x[2:], velocity_cov = live_x[2:4], live_P[[12, 13, 17]]
         if state.settings.fusion.mode == "patent":
             velocity_cov = np.full((3, n), np.nan)
-    altitude, height, rate = _vertical(state, closed)
     flags = tracks.flags[slots].copy()
     flags[sources.sum(axis=1) == 0] |= np.uint16(Flag.COASTED)
     return assemble(
-        Product.ELEMENT, slots, PlaneState(fused.time_s, x, fused.position_cov, velocity_cov, altitude, height, rate),
+        Product.ELEMENT, slots, PlaneState(fused.time_s, x, fused.position_cov, velocity_cov, *vertical),
         tracks, state.frames,
         seq=state.next_seq(Product.ELEMENT, slots),
         element=closed.index,
@@ -87,18 +98,26 @@ def element_points(state: EngineState, closed: Closed, fused: Fused, master: NDA
     )  # fmt: skip
 
 
-def _vertical(state: EngineState, closed: Closed) -> tuple[Array, Array, Array]:
-    """Altitude, height and vertical rate at the centres, from the reports around them."""
-    window, vertical = closed.window, state.live.vertical
+def element_vertical(state: EngineState, closed: Closed) -> Vertical:
+    """Fit the vertical at the centres to the reports around them; learn the difference of height and altitude."""
+    window, slots = closed.window, closed.slots
     is_report = window.kind == REPORT
-    value = vertical.channel(closed.slots, window.altitude_m, window.height_m)
-    value = np.where(is_report, value, np.nan)
+    altitude_m = np.where(is_report, window.altitude_m, np.nan)
+    height_m = np.where(is_report, window.height_m, np.nan)
+    both = closed.in_span() & np.isfinite(altitude_m) & np.isfinite(height_m)
+    count = both.sum(axis=0)
+    total = np.where(both, height_m - altitude_m, 0.0).sum(axis=0)
+    difference = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    state.offsets.learn(slots, state.tracks.frame[slots], difference)
+    offset = state.offsets.own_m[slots]
+    barometric = np.isfinite(altitude_m).any(axis=0) | np.isfinite(offset)
+    value = np.where(np.isnan(altitude_m), height_m - np.where(barometric, offset, 0.0), altitude_m)
     rate = np.where(is_report, window.vertical_rate_mps, np.nan)
     sigma = state.sensors.altitude_sigma_m[window.sensor_index]
     fitted, slope, _ = fit_at(closed.centre_s, window.time_s, value, rate, sigma)
-    altitude, height = vertical.split(closed.slots, fitted)
+    altitude, height = np.where(barometric, fitted, np.nan), np.where(barometric, fitted + offset, fitted)
     unknown = np.isnan(fitted)
     if unknown.any():
-        a, h, r, _ = vertical.at(closed.slots[unknown], closed.centre_s[unknown])
+        a, h, r, _ = state.live.vertical.at(slots[unknown], closed.centre_s[unknown])
         altitude[unknown], height[unknown], slope[unknown] = a, h, r
-    return altitude, height, slope
+    return Vertical(altitude, height, slope)

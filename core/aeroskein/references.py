@@ -1,7 +1,7 @@
 """References for registration: where an aircraft was at the time of a radar plot, without that radar.
 
 Own positions (ADS-B, multilateration) around the plot are fitted with constant acceleration by weighted least squares.
-The fit stands on those reports alone, so the radar cannot confirm its own error. Where there are too few, the live
+The fit stands on those reports alone, so the radar cannot confirm its own error. Where there are too few, the element's
 state serves for height and velocity only, and the plot is compared with other radars, not with the reference.
 """
 
@@ -10,13 +10,15 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aeroskein import geodesy
+from aeroskein.closed import Closed
 from aeroskein.engine_state import EngineState
-from aeroskein.measurements import COLUMNS, Measurements
-from aeroskein.plots import Array, Bools, Ints, Plots
+from aeroskein.measurements import COLUMNS
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.publishing import Vertical
 from aeroskein.registration import Comparisons
+from aeroskein.windows import REPORT, Window
 
 __all__ = ["ReferenceSampler", "compare"]
 
@@ -50,83 +52,93 @@ class ReferenceSampler:
         self._last_s = -np.inf
         self._turn = 0
 
-    def some(self, rows: Ints, sensor: NDArray[np.int16], number: Ints, now_s: float) -> Ints:
-        """Of the given rows those to compare; ``sensor`` and ``number`` are columns of the whole batch."""
+    def some(self, sensor: Ints, number: Ints, now_s: float) -> Ints:
+        """Which of the plots, given by sensor and track number ``(n,)``, are compared."""
         earned = COMPARISONS_PER_S * min(max(now_s - self._last_s, 0.0), 1.0)
         self._last_s = now_s
         self._allowance = np.minimum(self._allowance + earned, COMPARISONS_PER_S)
         self._turn += 1
-        order = ((number[rows] + self._turn) * _SPREAD) & 0xFFFFFFFF
+        order = ((number + self._turn) * _SPREAD) & 0xFFFFFFFF
         chosen = []
-        for k in np.unique(sensor[rows]):
-            own = np.flatnonzero(sensor[rows] == k)
+        for k in np.unique(sensor):
+            own = np.flatnonzero(sensor == k)
             own = own[np.argsort(order[own], kind="stable")][: int(self._allowance[k])]
             self._allowance[k] -= len(own)
-            chosen.append(rows[own])
-        return np.sort(np.concatenate(chosen)) if chosen else rows[:0]
+            chosen.append(own)
+        return np.sort(np.concatenate(chosen)) if chosen else np.zeros(0, dtype=np.int64)
 
 
-def compare(state: EngineState, plots: Plots, reports: Measurements, trusted: Bools) -> Comparisons | None:
-    """Set radar plots beside references.
+def compare(
+    state: EngineState, closed: Closed, vertical: Vertical, sampler: ReferenceSampler, now_s: float, trusted: Bools
+) -> Comparisons | None:
+    """Set the radar plots of closed elements beside references.
 
     Parameters
     ----------
     state : EngineState
-        Tracks and buffers.
-    plots : Plots
-        Radar plots as reported, one row each.
-    reports : Measurements
-        The same plots in their tracks' planes, corrected.
-    trusted : (capacity,) bool array
-        Tracks whose own positions may serve as a reference.
+        Tracks and frames.
+    closed, vertical : Closed, Vertical
+        The elements, with their vertical.
+    sampler : ReferenceSampler
+        Chooses among the plots.
+    now_s : float
+        The clock. [s since the epoch]
+    trusted : (n,) bool array
+        Elements whose own positions (ADS-B) may serve as a reference.
 
     Returns
     -------
     Comparisons or None
         None where there is nothing to compare.
     """
-    slot = reports.slot
-    n = len(slot)
-    if n == 0:
+    window = closed.window
+    sensor = window.sensor_index
+    is_plot = closed.in_span() & state.sensors.is_radar[sensor] & np.isfinite(window.range_m)
+    is_plot &= closed.estimate.reason == 0
+    event, lane = np.nonzero(is_plot)
+    chosen = sampler.some(sensor[event, lane], state.tracks.number[closed.slots[lane]], now_s)
+    event, lane = event[chosen], lane[chosen]
+    if not len(event):
         return None
-    fit, cov, anchored = _fit(state, slot, reports.time_s, trusted)
-    live_x, live_P = state.live.state_at(slot, state.live.bank.time_s[slot])
-    time = np.where(anchored, reports.time_s, state.live.bank.time_s[slot])
-    x = np.where(anchored, fit, live_x[:4])
-    packed = np.where(anchored[:, None], cov, live_P[[0, 1, 7]].T)
-    frames = state.frames.rows[state.tracks.frame[slot]]
+    slot, time = closed.slots[lane], window.time_s[event, lane]
+    fit, cov, anchored = _fit(state, window, lane, time, trusted)
+    centre = closed.estimate.x[:, lane]
+    x = np.where(anchored, fit, centre[:4])
+    smoothed = closed.estimate.P[lane][:, [0, 0, 1], [0, 1, 1]]
+    altitude, height, rate = (column[lane] for column in vertical)
+    own = np.isfinite(height)
+    frame = state.tracks.frame[slot]
+    offset, sigma = state.offsets.applied(slot, frame, np.zeros(len(slot), dtype=np.bool_))
+    height = np.where(own, height, altitude + offset)
+    reference_s = np.where(anchored, time, closed.centre_s[lane])
+    climb = np.nan_to_num(rate) * (reference_s - closed.centre_s[lane])
+    frames = state.frames.rows[frame]
     lat, lon = geodesy.from_plane(frames, x[0], x[1])
-    altitude, height, rate, sigma = state.live.vertical.at(slot, time)
-    own_offset = np.isfinite(height)
-    offset, offset_sigma = state.frames.offset_near(state.tracks.frame[slot], np.ones(n, dtype=np.bool_))
-    height = np.where(own_offset, height, altitude + offset)
-    height_sigma = np.hypot(sigma, np.where(own_offset, OWN_OFFSET_SIGMA_M, offset_sigma))
     back = geodesy.invert_axes(geodesy.local_axes(frames, lat, lon, height))
     v_east, v_north = geodesy.rotate_vector(back, x[2], x[3])
-    known = np.isfinite(height) & (state.live.bank.time_s[slot] > -np.inf)
-    if not known.any():
-        return None
     return Comparisons.of(
-        sensor=plots.sensor, aircraft=state.tracks.number[slot],
-        time_s=plots.time_s, range_m=plots.range_m, azimuth_deg=plots.azimuth_deg,
-        reference_time_s=time, lat_deg=lat, lon_deg=lon, height_m=height,
+        sensor=sensor[event, lane], aircraft=state.tracks.number[slot],
+        time_s=window.stamp_s[event, lane], range_m=window.range_m[event, lane],
+        azimuth_deg=window.azimuth_deg[event, lane],
+        reference_time_s=reference_s, lat_deg=lat, lon_deg=lon, height_m=height + climb,
         v_east_mps=v_east, v_north_mps=v_north, vertical_rate_mps=rate,
-        position_cov_m2=geodesy.rotate_covariance(back, packed), height_sigma_m=height_sigma, anchored=anchored,
-    ).take(known)  # fmt: skip
+        position_cov_m2=geodesy.rotate_covariance(back, np.where(anchored[:, None], cov, smoothed)),
+        height_sigma_m=np.where(own, OWN_OFFSET_SIGMA_M, np.hypot(OWN_OFFSET_SIGMA_M, sigma)), anchored=anchored,
+    ).take(np.isfinite(height))  # fmt: skip
 
 
-def _fit(state: EngineState, slot: Ints, time_s: Array, trusted: Bools) -> tuple[Array, Array, Bools]:
+def _fit(state: EngineState, window: Window, lane: Ints, time_s: Array, trusted: Bools) -> tuple[Array, Array, Bools]:
     """Position and velocity ``(4, n)`` at the given times, position covariance ``(n, 3)``, where there is a fit."""
-    rows = state.buffers.rows[slot]
-    dt = rows[:, :, _COLUMN["time_s"]] - time_s[:, None]
-    sensor = np.nan_to_num(rows[:, :, _COLUMN["sensor"]]).astype(np.int64)
-    use = ~state.sensors.is_radar[sensor] & (np.abs(dt) <= REACH_S) & trusted[slot][:, None]
+    dt = (window.time_s[:, lane] - time_s).T
+    own = (window.kind == REPORT) & ~state.sensors.is_radar[window.sensor_index] & trusted
+    use = own[:, lane].T & (np.abs(dt) <= REACH_S)
     anchored = (use.sum(axis=1) >= FEWEST) & ((np.abs(dt) <= NEAREST_S) & use).any(axis=1)
-    x = np.full((4, len(slot)), np.nan)
-    cov = np.full((len(slot), 3), np.nan)
+    x = np.full((4, len(lane)), np.nan)
+    cov = np.full((len(lane), 3), np.nan)
     at = np.flatnonzero(anchored)
     if len(at):
-        x[:, at], cov[at], good = _least_squares(rows[at], dt[at], use[at])
+        rows = window.columns[:, :, lane[at]].transpose(2, 1, 0)
+        x[:, at], cov[at], good = _least_squares(rows, dt[at], use[at])
         anchored[at[~good]] = False
     return x, cov, anchored
 
