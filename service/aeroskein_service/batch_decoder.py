@@ -19,7 +19,7 @@ from aeroskein.reasons import Reason
 from aeroskein_service.messages import BATCH_REPORTS, JSON, MSGPACK, VERSION, Report, ReportBatch
 from aeroskein_service.report_columns import columns_of
 
-__all__ = ["DecodedBatch", "decode_batch", "media_type", "read_report"]
+__all__ = ["DecodedBatch", "decode_batch", "lenient_json", "media_type", "read_report"]
 
 # 500 reports with every field are 250 kB of JSON; what is larger is refused before it is parsed. [bytes]
 PAYLOAD_BYTES: Final = 4_000_000
@@ -44,7 +44,7 @@ class _Envelope(msgspec.Struct):
     epoch: Any = None
     seq: Any = None
     sent_s: Any = None
-    reports: msgspec.Raw = msgspec.Raw(b"")
+    reports: msgspec.Raw = msgspec.Raw()
 
 
 @dataclass(slots=True)
@@ -200,6 +200,8 @@ def _take_apart(payload: bytes, kind: str) -> tuple[_Envelope, list[Any] | None]
     module = msgspec.msgpack if kind == MSGPACK else msgspec.json
     try:
         envelope = module.decode(payload, type=_Envelope)
+        if not bytes(envelope.reports):
+            return envelope, None
         try:
             return envelope, module.decode(envelope.reports, type=list[msgspec.Raw])
         except msgspec.ValidationError:
@@ -209,13 +211,21 @@ def _take_apart(payload: bytes, kind: str) -> tuple[_Envelope, list[Any] | None]
     except _DECODE_ERRORS:
         if kind == MSGPACK:
             raise
-    # Many JSON writers, Python's own among them, put NaN and Infinity, which are no JSON: that costs one report only.
-    content = json.loads(payload.decode())
+    content = lenient_json(payload)
     if not isinstance(content, dict):
         raise ValueError("expected an object")
     rows = content.pop("reports", None)
     names = _Envelope.__struct_fields__
     return _Envelope(**{k: v for k, v in content.items() if k in names}), rows if isinstance(rows, list) else None
+
+
+def lenient_json(payload: bytes) -> Any:
+    """Decode JSON with NaN, Infinity and endless digits in it, so that they cost only the report they stand in.
+
+    Many writers, Python's own among them, put NaN and Infinity, which are no JSON. Raises ``ValueError`` or
+    ``RecursionError``.
+    """
+    return json.loads(payload.decode(), parse_int=lambda text: int(text) if len(text) < 20 else float(text))
 
 
 def _good(decoded: DecodedBatch, rows: Iterable[Any], kind: str) -> Iterable[Report]:
@@ -245,7 +255,7 @@ def read_report(row: Any, kind: str, dropped: dict[Reason, int]) -> Report | Rea
             try:
                 return cast(Report, module.decode(row, type=Report))
             except msgspec.ValidationError:
-                row = module.decode(row)
+                row = msgspec.msgpack.decode(row) if kind == MSGPACK else lenient_json(bytes(row))
     except _DECODE_ERRORS:
         return Reason.MALFORMED
     if not isinstance(row, dict):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gzip
 import io
-import json
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 
 from aeroskein.plots import Array, Ints, Plots
 from aeroskein.reasons import Reason
-from aeroskein_service.batch_decoder import read_report
+from aeroskein_service.batch_decoder import lenient_json, read_report
 from aeroskein_service.messages import JSON, Report
 from aeroskein_service.report_columns import columns_of
 
@@ -205,8 +204,7 @@ class ReportFile:
     def _repaired(self, line: bytes) -> FileReport | str:
         """A line that did not decode: the report without bad fields, or why it is broken, or "" where it is counted."""
         try:
-            # Takes NaN and Infinity, which are no JSON but cost only the report.
-            row = json.loads(line.decode())
+            row = lenient_json(line)
         except (ValueError, RecursionError):
             return "is not JSON"
         if not isinstance(row, dict):
