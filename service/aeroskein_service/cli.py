@@ -140,11 +140,15 @@ def simulate(
     ] = None,
     sensor: Annotated[list[str] | None, typer.Option("--sensor", help="Only this sensor; may be repeated.")] = None,
     real: Annotated[bool, typer.Option("--real", help="Fly recorded ADS-B traffic instead of a scenario.")] = False,
+    begin: Annotated[
+        float | None,
+        typer.Option("--begin", metavar="T", help="Play as if the traffic had begun then, so that processes agree."),
+    ] = None,
 ) -> int:
     """Sensors from the scenario simulator: to Zenoh, or to a report file plus its truth."""
     return _call(
         "simulate", config=_Load(config), scenario=scenario, seed=seed, speed=speed, aircraft=aircraft,
-        duration=duration, output=output, sensor=sensor, real=real,
+        duration=duration, output=output, sensor=sensor, real=real, begin=begin,
     )  # fmt: skip
 
 

@@ -89,12 +89,22 @@ class RecordedTraffic:
         return told
 
     def chunks(
-        self, *, start_s: float, end_s: float, chunk_s: float, only: Collection[str] | None = None
+        self,
+        *,
+        start_s: float,
+        end_s: float,
+        chunk_s: float,
+        only: Collection[str] | None = None,
+        anchor_s: float | None = None,
     ) -> Iterator[Chunk]:
-        """Play from ``start_s`` to ``end_s``, or to the end of the recording; the chunks carry no truth."""
+        """Play from ``start_s`` to ``end_s``, or to the end of the recording; the chunks carry no truth.
+
+        The recording begins at ``anchor_s``, or at the start where that is absent; processes with the same anchor agree.
+        """
+        anchor_s = start_s if anchor_s is None else anchor_s
         simulated = {s.id for s in self._sensors if s.kind != "adsb" and (only is None or s.id in only)}
-        shift_s = start_s - float(self._recording.time_s[0])
-        end_s = min(end_s, start_s + self.duration_s)
+        shift_s = anchor_s - float(self._recording.time_s[0])
+        end_s = min(end_s, anchor_s + self.duration_s)
         made = sensor_models(
             self._settings, self._sensors, start_s=start_s, slots=len(self._recording.address), only=simulated
         )

@@ -49,6 +49,7 @@ def run(
     output: Path | None = None,
     sensor: Sequence[str] | None = None,
     real: bool = False,
+    begin: float | None = None,
 ) -> int:
     """Simulate sensors.
 
@@ -66,6 +67,8 @@ def run(
         Only these sensors, for processes that play one sensor each of the same scenario.
     real : bool
         Recorded ADS-B traffic instead of a scenario.
+    begin : float, optional
+        A live feed plays as if its traffic had begun then, so that several processes agree. [s since the epoch]
 
     Returns
     -------
@@ -84,7 +87,7 @@ def run(
         _tell(*traffic.notes())
     if output is not None:
         return _write(config, settings, traffic, output, only, speed)
-    return _play(config, settings, traffic, only, duration)
+    return _play(config, settings, traffic, only, duration, begin)
 
 
 def _checked(wanted: Sequence[str] | None, known: Sequence[str]) -> frozenset[str]:
@@ -157,13 +160,14 @@ def _play(
     traffic: RecordedTraffic | None,
     only: Collection[str],
     duration_s: float | None,
+    begin_s: float | None,
 ) -> int:
     """Play the sensors until a signal or the end."""
     stop = stop_on_signals()
     sensors = {index: sensor_id for index, sensor_id in enumerate(config.sensor_ids) if sensor_id in only}
     # Processes that play some of the sensors each must agree about the traffic, so it hangs on the epoch, not on
     # when each of them starts.
-    anchor_s = 0.0 if len(sensors) < len(config.sensors) else None
+    anchor_s = 0.0 if begin_s is None and len(sensors) < len(config.sensors) else begin_s
 
     def make_chunks(start_s: float) -> Iterator[Chunk]:
         what = (
@@ -174,7 +178,7 @@ def _play(
         _tell(f"playing {', '.join(sensors.values())}: {what} at {config.zenoh.link.where}")
         if traffic is not None:
             end_s = start_s + (traffic.duration_s if duration_s is None else duration_s)
-            return traffic.chunks(start_s=start_s, end_s=end_s, chunk_s=BATCH_S, only=only)
+            return traffic.chunks(start_s=start_s, end_s=end_s, chunk_s=BATCH_S, only=only, anchor_s=begin_s)
         return simulate(
             settings, config.sensors, chunk_s=BATCH_S, only=only, start_s=start_s, anchor_s=anchor_s,
             endless=duration_s is None,
