@@ -1,4 +1,4 @@
-"""Small flights for the tests of the offline filters: measurements in a plane, and filterpy set up as the filters are."""
+"""Small flights for the tests of the offline filters: measurements in a plane, and filterpy set up as they are."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def measurements(flight: Any, time_s: Any, position_m: Any, **changes: Any) -> M
         "r_ee": np.full(n, 100.0), "r_en": np.zeros(n), "r_nn": np.full(n, 100.0),
         "v_east_mps": none, "v_north_mps": none.copy(), "velocity_variance": none.copy(),
         "time_variance": np.full(n, 0.04), "altitude_m": none.copy(), "vertical_rate_mps": none.copy(),
-        "height_m": none.copy(),
+        "height_m": none.copy(), "stamp_s": time_s, "range_m": none.copy(), "azimuth_deg": none.copy(),
     }  # fmt: skip
-    return Measurements(
-        **(columns | {k: np.broadcast_to(np.asarray(v, dtype=np.float64), n).copy() for k, v in changes.items()})
-    )
+    for name, value in changes.items():
+        columns[name] = np.broadcast_to(np.asarray(value, dtype=np.float64), n).copy()
+    return Measurements(**columns)
 
 
 def turning_flights(seed: int, reports: tuple[int, ...] = (60, 35)) -> Measurements:

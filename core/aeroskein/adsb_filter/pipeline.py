@@ -139,8 +139,7 @@ def _prepare(
     if len(flights.plots) == 0:
         return None
     stale = stale_rows(flights)
-    no_bias = np.zeros(len(engine.sensors))
-    located = locate_flights(flights, table, (no_bias, no_bias))
+    located = locate_flights(flights, table, np.zeros((len(stale), 4)))
     planes = planes_of(settings.projection, flights.flight, located.lat_deg, located.lon_deg)
     measurements = measure(flights, located, planes, table, table.time_sigma_s)
     for name in ("east_m", "north_m", "v_east_mps", "v_north_mps"):
