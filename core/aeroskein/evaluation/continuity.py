@@ -23,6 +23,7 @@ from aeroskein.points import Flag, Status
 __all__ = [
     "INTERVALS_S",
     "LONG_GAP_RATIO",
+    "MIN_INTERVALS",
     "Updates",
     "continuity_of",
     "gaps_of",
@@ -35,6 +36,9 @@ __all__ = [
 INTERVALS_S: Final = (5.0, 8.0)
 # A gap is long beyond three intervals and a tenth: 16.5 s and 26.4 s.
 LONG_GAP_RATIO: Final = 3.3
+# A flight is named as the one with the fewest updates only if it was expected this often: of a shorter one, a single
+# missed interval would say more about where the recording was cut than about the tracker.
+MIN_INTERVALS: Final = 10
 # Spans further apart than this leave a hole; less is rounding of times in files. [s]
 _SPAN_TOLERANCE_S: Final = 1e-5
 
@@ -110,7 +114,7 @@ def continuity_of(
     limit_s = LONG_GAP_RATIO * interval_s
     is_long = gap_s > limit_s
     missed = int(np.sum(np.ceil(gap_s[is_long] / interval_s) - 1.0))
-    seen = updates.expected > 0
+    seen = updates.expected >= MIN_INTERVALS
     share = updates.updated[seen] / updates.expected[seen]
     names = np.array(curve.names, dtype=object)[seen] if len(curve.names) else np.zeros(0, dtype=object)
     longest = int(np.argmax(gap_s)) if len(gap_s) else -1

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from aeroskein.evaluation import Evaluation, EvaluationSettings, TruthCurve, as_dict, evaluate
 from aeroskein.evaluation.sensors import SensorReports, Site
-from aeroskein_service.config import load_config
+from aeroskein_service.config import Config
 from aeroskein_service.evaluation.files import read_points, read_truth
 from aeroskein_service.evaluation.lines import FileNotes
 from aeroskein_service.evaluation.page import write_page
@@ -40,7 +40,7 @@ def run(
     *,
     truth: Path,
     reports: Path | None = None,
-    config: Path | None = None,
+    config: Config | None = None,
     as_json: bool = False,
     html: Path | None = None,
     from_s: float = 30.0,
@@ -57,8 +57,8 @@ def run(
         Truth file.
     reports : Path, optional
         The report file behind the fused files: raw reports are judged too.
-    config : Path, optional
-        Configuration with the sites of the radars, without which radar reports cannot be placed.
+    config : Config, optional
+        With the sites of the radars, without which radar reports cannot be placed.
     as_json : bool
         Print JSON instead of tables.
     html : Path, optional
@@ -108,13 +108,13 @@ def _judge(
     return judged
 
 
-def _sites(config: Path | None) -> dict[str, Site]:
-    """Sites of the radars of a configuration, by sensor id. Raises ``ConfigError``."""
+def _sites(config: Config | None) -> dict[str, Site]:
+    """Sites of the radars of a configuration, by sensor id."""
     if config is None:
         return {}
     return {
         sensor.id: Site(sensor.lat_deg, sensor.lon_deg, sensor.height_m or 0.0)
-        for sensor in load_config(config).sensors
+        for sensor in config.sensors
         if sensor.lat_deg is not None and sensor.lon_deg is not None
     }
 
@@ -123,7 +123,7 @@ def _console(evaluations: Sequence[Evaluation]) -> Console:
     """As wide as the terminal; in a pipe as wide as the tables need."""
     console = Console(markup=False, highlight=False)
     if not console.is_terminal:
-        console.width = 80 + 18 * sum(len(evaluation.products) for evaluation in evaluations)
+        console.width = 90 + 20 * sum(len(evaluation.products) for evaluation in evaluations)
     return console
 
 

@@ -1,4 +1,4 @@
-"""The pictures of all judged points together: over time, as a distribution, along and across, against chi-square."""
+"""The pictures of all judged points together: as a distribution, by phase, over time, along and across, in age."""
 
 from __future__ import annotations
 
@@ -9,23 +9,38 @@ from typing import Final
 import numpy as np
 
 from aeroskein.evaluation.accuracy import COVERAGE_NEES
-from aeroskein.evaluation.figures import SensorEvaluation
-from aeroskein.plots import Array
+from aeroskein.evaluation.figures import SensorEvaluation, Spread
+from aeroskein.plots import Array, Bools, Ints
 from aeroskein_service.evaluation.formats import number, percent
 from aeroskein_service.evaluation.summary import Column
-from aeroskein_service.evaluation.svg import Plot
+from aeroskein_service.evaluation.svg import HALF, THIRD, Plot, same_scale
 
-__all__ = ["age_curves", "error_curves", "error_over_time", "nees_histogram", "scatter", "thinned"]
+__all__ = [
+    "age_curves",
+    "colour",
+    "error_curves",
+    "error_over_time",
+    "interval_curves",
+    "nees_histogram",
+    "phase_bars",
+    "scatter",
+    "spread_bars",
+    "tail_curves",
+    "thinned",
+]
 
 # Columns have six colours; more than that nobody tells apart.
 COLOURS: Final = 6
-_TIME_BINS: Final = 60
+_TIME_BINS: Final = 40
+# With more columns than this, thin lines beside the bold ones only confuse.
+_COLUMNS_WITH_THIN: Final = 2
 _SCATTER_POINTS: Final = 1500
 _CURVE_POINTS: Final = 300
 _NEES_BINS: Final = 30
 _NEES_MAX: Final = 15.0
 # Radii of the ellipses that hold 50 and 95 % of a two-dimensional Gaussian. [sigma]
 _ELLIPSES: Final = ((math.sqrt(-2.0 * math.log(0.5)), "half"), (math.sqrt(COVERAGE_NEES), "full"))
+_BAR_PX: Final = 7.0
 
 
 def colour(index: int) -> str:
@@ -33,63 +48,106 @@ def colour(index: int) -> str:
     return f"c{index % COLOURS}"
 
 
-def error_over_time(columns: Sequence[Column], phase: str) -> str:
-    """RMS (bold) and 95 % (thin) of the horizontal error in one phase, over time, all columns."""
-    start_s, end_s = _time_range(columns)
-    edges = np.linspace(start_s, max(end_s, start_s + 1.0), _TIME_BINS + 1)
-    middle = (0.5 * (edges[1:] + edges[:-1]) - start_s) / 60.0
-    curves = []
-    for column in columns:
-        residuals = column.product.residuals
-        mine = _of_phase(column, phase)
-        curves.append(_binned(residuals.time_s[mine], residuals.horizontal_m[mine], edges))
-    top = max((float(np.nanmax(high)) for _, high in curves if np.isfinite(high).any()), default=1.0)
-    plot = Plot(
-        (0.0, (edges[-1] - start_s) / 60.0), (0.0, top * 1.08), x_label="minutes", y_label="horizontal error [m]",
-        title=f"Horizontal error over time, {phase}", size=(420.0, 230.0),
-    )  # fmt: skip
-    for index, (rms, high) in enumerate(curves):
-        plot.line(middle, high, f"{colour(index)} thin").line(middle, rms, colour(index))
-    return plot.svg()
-
-
 def error_curves(columns: Sequence[Column], sensors: Sequence[SensorEvaluation]) -> str:
     """Cumulative distribution of the horizontal error: fused products in colour, raw sensors dashed."""
     sizes = [column.product.residuals.horizontal_m for column in columns]
-    raw = [(sensor.sensor, sensor.sizes_m) for sensor in sensors if len(sensor.sizes_m)]
-    every = np.concatenate([size for size in (*sizes, *(size for _, size in raw)) if len(size)] or [np.ones(1)])
-    low, high = _log_range(every)
     plot = Plot(
-        (low, high), (0.0, 100.0), x_label="horizontal error [m]", y_label="share of points [%]",
-        title="Cumulative distribution of the horizontal error", size=(680.0, 320.0), x_log=True,
+        _error_range(columns, sensors), (0.0, 100.0), x_label="horizontal error [m]", y_label="share of points [%]",
+        title="Cumulative distribution of the horizontal error", size=HALF, x_log=True,
     )  # fmt: skip
     plot.rule(y=95.0, text="95 %")
-    for name, size in raw:
-        x, y = _distribution(size)
-        plot.line(x, y, "muted dashed")
-        half = int(np.searchsorted(y, 50.0))
-        plot.text(float(x[min(half, len(x) - 1)]), 50.0, f" {name}")
+    for sensor in sensors:
+        if len(sensor.sizes_m):
+            x, y = _distribution(sensor.sizes_m)
+            plot.line(x, y, "muted dashed")
+            at = min(int(np.searchsorted(y, 50.0)), len(x) - 1)
+            plot.text(float(x[at]), 50.0, f" {sensor.sensor}")
     for index, size in enumerate(sizes):
         if len(size):
             plot.line(*_distribution(size), colour(index))
     return plot.svg()
 
 
-def age_curves(columns: Sequence[Column]) -> str:
-    """Cumulative distribution of the age at publication; empty where no point says when it was published."""
-    ages = [column.product.residuals.age_s for column in columns]
-    known = [age[np.isfinite(age)] for age in ages]
-    if not any(len(age) for age in known):
-        return ""
-    high = max(float(np.percentile(age, 99.8)) for age in known if len(age))
-    low = min(0.0, min(float(age.min()) for age in known if len(age)))
+def tail_curves(columns: Sequence[Column], sensors: Sequence[SensorEvaluation]) -> str:
+    """Share of points with a larger error, both axes logarithmic: how far the tail reaches."""
+    every = [(colour(i), c.product.residuals.horizontal_m) for i, c in enumerate(columns)]
+    every = [("muted dashed", sensor.sizes_m) for sensor in sensors] + every
+    most = max((len(size) for _, size in every), default=1)
     plot = Plot(
-        (low, max(high * 1.05, low + 0.1)), (0.0, 100.0), x_label="age when published [s]",
-        y_label="share of points [%]", title="Cumulative distribution of the age when published", size=(420.0, 320.0),
+        _error_range(columns, sensors), (max(100.0 / max(most, 100), 1e-4), 100.0), x_label="horizontal error [m]",
+        y_label="share with a larger error [%]", title="Tail of the horizontal error", size=HALF,
+        x_log=True, y_log=True,
     )  # fmt: skip
-    for index, age in enumerate(known):
-        if len(age):
-            plot.line(*_distribution(age), colour(index))
+    for css, size in every:
+        if len(size):
+            ordered = np.sort(size)
+            # Every point of the far tail, and evenly chosen ones before.
+            rows = np.unique(
+                np.concatenate([thinned(len(size), _CURVE_POINTS), np.arange(max(len(size) - 60, 0), len(size))])
+            )
+            plot.line(ordered[rows], 100.0 * (len(size) - rows) / len(size), css)
+    return plot.svg()
+
+
+def phase_bars(columns: Sequence[Column]) -> str:
+    """RMS and 95 % of the horizontal error in every phase."""
+    by_column = [{phase.phase: phase.accuracy.horizontal_m for phase in c.product.phases} for c in columns]
+    names = list(dict.fromkeys(name for phases in by_column for name in phases))
+    return spread_bars(names, by_column, "Horizontal error by phase", THIRD[0])
+
+
+def spread_bars(names: Sequence[str], by_column: Sequence[dict[str, Spread]], title: str, width: float) -> str:
+    """A group of bars for each name, one per column: RMS as a bar, a whisker to the 95 %; empty without names."""
+    if not names:
+        return ""
+    top = max((flights[name].p95 or 0.0 for flights in by_column for name in names if name in flights), default=0.0)
+    group = _BAR_PX * len(by_column) + 7.0
+    plot = Plot(
+        (0.0, max(top, 1e-3) * 1.05), (float(len(names)), 0.0), x_label="bar: RMS, whisker: 95 % [m]",
+        y_label="", title=title, size=(width, 52.0 + group * len(names)), left=84.0,
+    )  # fmt: skip
+    plot.y_ticks = [(k + 0.5, name[:12]) for k, name in enumerate(names)]
+    for row, name in enumerate(names):
+        for index, found in enumerate(by_column):
+            if name in found:
+                _bar(plot, row * group + 3.5 + _BAR_PX * index, found[name], colour(index), name)
+    return plot.svg()
+
+
+def _bar(plot: Plot, top_px: float, size: Spread, css: str, name: str) -> None:
+    left, y = plot.x.start, plot.y.end + top_px
+    right, far = float(plot.x(size.rms or 0.0)), float(plot.x(size.p95 or 0.0))
+    tip = f"<title>{name}: RMS {number(size.rms)} m, 95 % {number(size.p95)} m, {size.count} points</title>"
+    box = f'x="{left:.1f}" y="{y:.1f}" width="{right - left:.1f}" height="{_BAR_PX - 1.5:.1f}"'
+    plot.add(f'<rect class="bar {css}" {box}>{tip}</rect>')
+    middle = y + 0.5 * (_BAR_PX - 1.5)
+    plot.add(
+        f'<path class="whisker {css}" d="M{right:.1f} {middle:.1f}H{far:.1f}M{far:.1f} {y:.1f}v{_BAR_PX - 1.5:.1f}"/>'
+    )
+
+
+def error_over_time(columns: Sequence[Column], phase: str) -> str:
+    """RMS (and thin the 95 %, with few columns) of the horizontal error in one phase, over time."""
+    start_s, end_s = _time_range(columns)
+    edges = np.linspace(start_s, max(end_s, start_s + 1.0), _TIME_BINS + 1)
+    middle = (0.5 * (edges[1:] + edges[:-1]) - start_s) / 60.0
+    curves = []
+    for column in columns:
+        residuals = column.product.residuals
+        mine = _is_phase(column, phase)
+        curves.append(_binned(residuals.time_s[mine], residuals.horizontal_m[mine], edges))
+    has_thin = len(columns) <= _COLUMNS_WITH_THIN
+    shown = [high if has_thin else rms for rms, high in curves]
+    top = max((float(np.nanmax(values)) for values in shown if np.isfinite(values).any()), default=1.0)
+    plot = Plot(
+        (0.0, (edges[-1] - start_s) / 60.0), (0.0, max(top, 1e-3) * 1.08), x_label="minutes",
+        y_label="RMS and 95 % [m]" if has_thin else "RMS [m]", title=f"Error over time, {phase}",
+        size=(THIRD[0], 220.0),
+    )  # fmt: skip
+    for index, (rms, high) in enumerate(curves):
+        if has_thin:
+            plot.line(middle, high, f"{colour(index)} thin")
+        plot.line(middle, rms, colour(index))
     return plot.svg()
 
 
@@ -100,10 +158,11 @@ def scatter(column: Column, index: int) -> str:
     along, across = residuals.along_m[known], residuals.across_m[known]
     if not len(along):
         return ""
-    reach = max(float(np.percentile(np.hypot(along, across), 99.5)) * 1.1, 1e-3)
+    reach = max(float(np.percentile(np.hypot(along, across), 99.5)), 1e-3)
+    x, y = same_scale(np.array([[-reach, -reach], [reach, reach]]), THIRD)
     plot = Plot(
-        (-reach, reach), (-reach, reach), x_label="across track, right positive [m]", y_label="along track [m]",
-        title=f"Errors along and across the track, {column.name}", size=(360.0, 344.0),
+        x, y, x_label="across track, right positive [m]", y_label="along track [m]",
+        title=f"Errors along and across the track, {column.name}", size=THIRD,
     )  # fmt: skip
     plot.rule(x=0.0, css="zero").rule(y=0.0, css="zero")
     shown = thinned(len(along), _SCATTER_POINTS)
@@ -124,28 +183,75 @@ def nees_histogram(nees: Array, name: str, index: int) -> str:
     x = np.linspace(0.0, _NEES_MAX, 100)
     plot = Plot(
         (0.0, _NEES_MAX), (0.0, max(float(density.max()), 0.5) * 1.08), x_label="NEES", y_label="density",
-        title=f"NEES of {name} against chi-square", size=(360.0, 240.0),
+        title=f"NEES of {name} against chi-square", size=THIRD,
     )  # fmt: skip
-    plot.bars(edges[:-1], edges[1:], density, f"{colour(index)}")
+    plot.bars(edges[:-1], edges[1:], density, colour(index))
     plot.line(x, 0.5 * np.exp(-0.5 * x), "truth")
-    plot.rule(x=COVERAGE_NEES, text=f"95 % of χ²; here {percent(float(np.mean(known <= COVERAGE_NEES)))}")
-    plot.text(COVERAGE_NEES + 0.3, plot.y.high * 0.8, f"mean {number(float(known.mean()))} (honest: 2)")
+    words = [
+        f"95 % of χ²; here {percent(float(np.mean(known <= COVERAGE_NEES)))}",
+        f"mean {number(float(known.mean()))} (honest: 2)",
+    ]
     beyond = float(np.mean(known > _NEES_MAX))
     if beyond:
-        plot.text(COVERAGE_NEES + 0.3, plot.y.high * 0.7, f"{percent(beyond, 2)} beyond {_NEES_MAX:g}")
+        words.append(f"{percent(beyond, 2)} beyond {_NEES_MAX:g}")
+    plot.rule(x=COVERAGE_NEES)
+    for line, text in enumerate(words):
+        plot.text(COVERAGE_NEES + 0.3, plot.y.low * (0.05 + 0.07 * line) + plot.y.high * (0.95 - 0.07 * line), text)
     return plot.svg()
 
 
-def thinned(n: int, at_most: int) -> Array:
+def age_curves(columns: Sequence[Column]) -> str:
+    """Cumulative distribution of the age at publication; empty where no point says when it was published."""
+    return _curves([c.product.residuals.age_s for c in columns], "age when published [s]", "Age when published")
+
+
+def interval_curves(columns: Sequence[Column]) -> str:
+    """Cumulative distribution of the time between two points of a track."""
+    intervals = []
+    for column in columns:
+        residuals = column.product.residuals
+        same = (np.diff(residuals.flight) == 0) & (np.diff(residuals.track_number) == 0)
+        intervals.append(np.diff(residuals.time_s)[same])
+    return _curves(intervals, "time to the next point [s]", "Time between points")
+
+
+def _curves(values: Sequence[Array], label: str, title: str) -> str:
+    """Cumulative distributions side by side up to 99.8 %; empty where there is nothing."""
+    known = [value[np.isfinite(value)] for value in values]
+    if not any(len(value) for value in known):
+        return ""
+    high = max(float(np.percentile(value, 99.8)) for value in known if len(value))
+    low = min(0.0, min(float(value.min()) for value in known if len(value)))
+    plot = Plot(
+        (low, max(high * 1.05, low + 0.1)), (0.0, 100.0), x_label=label, y_label="share of points [%]",
+        title=title, size=(HALF[0], 250.0),
+    )  # fmt: skip
+    plot.rule(y=99.0, text="99 %")
+    for index, value in enumerate(known):
+        if len(value):
+            plot.line(*_distribution(value), colour(index))
+    return plot.svg()
+
+
+def thinned(n: int, at_most: int) -> Ints:
     """Row numbers, evenly chosen where there are too many."""
     return np.unique(np.linspace(0, n - 1, min(n, at_most)).astype(np.int64)) if n else np.zeros(0, dtype=np.int64)
 
 
-def _of_phase(column: Column, phase: str) -> Array:
+def _error_range(columns: Sequence[Column], sensors: Sequence[SensorEvaluation]) -> tuple[float, float]:
+    """Range of a logarithmic error axis."""
+    sizes = [c.product.residuals.horizontal_m for c in columns] + [s.sizes_m for s in sensors]
+    every = np.concatenate([size[size > 0.0] for size in sizes] or [np.zeros(0)])
+    if not len(every):
+        return 0.1, 10.0
+    low, high = float(np.percentile(every, 0.5)), float(every.max())
+    return low * 0.8, max(high * 1.2, low * 2.0)
+
+
+def _is_phase(column: Column, phase: str) -> Bools:
     """Which points of a column are in a phase, shape ``(n,)``."""
     phases = column.evaluation.phases
-    index = phases.index(phase) if phase in phases else -2
-    return np.asarray(column.product.residuals.phase == index)
+    return np.asarray(column.product.residuals.phase == (phases.index(phase) if phase in phases else -2))
 
 
 def _time_range(columns: Sequence[Column]) -> tuple[float, float]:
@@ -174,14 +280,6 @@ def _distribution(value: Array) -> tuple[Array, Array]:
     ordered = np.sort(value)
     rows = thinned(len(ordered), _CURVE_POINTS)
     return ordered[rows], 100.0 * (rows + 1.0) / len(ordered)
-
-
-def _log_range(size: Array) -> tuple[float, float]:
-    positive = size[size > 0.0]
-    if not len(positive):
-        return 0.1, 10.0
-    low, high = float(np.percentile(positive, 0.5)), float(positive.max())
-    return low * 0.8, max(high * 1.2, low * 2.0)
 
 
 def _ellipse(x: Array, y: Array, radius: float) -> tuple[Array, Array]:

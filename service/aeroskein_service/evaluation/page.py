@@ -20,7 +20,7 @@ __all__ = ["page", "write_page"]
 _Figure = Callable[[ProductEvaluation], str]
 
 # Phases with a picture of their own; rarer ones are in the table.
-_PHASES: Final = 6
+_PHASES: Final = 5
 
 
 def write_page(path: Path, evaluations: Sequence[Evaluation], curve: TruthCurve, inputs: Sequence[str]) -> None:
@@ -60,6 +60,7 @@ def _body(evaluations: Sequence[Evaluation], columns: Sequence[Column], curve: T
         _tiles(columns),
         _distribution(columns, sensors),
         _over_time(columns),
+        _ages(columns),
         _honesty(columns),
         _flights(columns, curve),
         requirement_table(columns),
@@ -75,7 +76,7 @@ def _lead(evaluations: Sequence[Evaluation], columns: Sequence[Column]) -> str:
     points = sum(column.product.judged for column in columns)
     return (
         f"<p>{points:,} fused points of {first.flights} flights, confirmed or coasting, "
-        f"from {f.number(first.settings.from_s)} s after the first report of each flight.</p>"
+        f"from {first.settings.from_s:g} s after the first report of each flight.</p>"
     )
 
 
@@ -109,18 +110,27 @@ def _tiles(columns: Sequence[Column]) -> str:
 
 
 def _distribution(columns: Sequence[Column], sensors: Sequence[SensorEvaluation]) -> str:
-    cards = [_card("Horizontal error", charts.error_curves(columns, sensors), wide=True)]
-    age = charts.age_curves(columns)
-    if age:
-        cards.append(_card("Age when published", age))
+    cards = (
+        _card("Share of points below an error", charts.error_curves(columns, sensors), "half"),
+        _card("Share of points above it: the tail", charts.tail_curves(columns, sensors), "half"),
+    )
     note = "Further left and steeper is better." + (" Dashed: raw sensor reports." if sensors else "")
     return _block("How large are the errors?", note, "".join(cards))
 
 
 def _over_time(columns: Sequence[Column]) -> str:
     phases = list(dict.fromkeys(phase.phase for column in columns for phase in column.product.phases))[:_PHASES]
-    cards = "".join(_card(phase, charts.error_over_time(columns, phase)) for phase in phases)
-    return _block("When are they large?", "Bold: RMS. Thin: 95 %. One picture per phase of flight.", cards)
+    cards = [_card("By phase of flight", charts.phase_bars(columns))]
+    cards += [_card(f"Over time: {phase}", charts.error_over_time(columns, phase)) for phase in phases]
+    return _block("When are they large?", "", "".join(cards))
+
+
+def _ages(columns: Sequence[Column]) -> str:
+    cards = (
+        _card("Age when published", charts.age_curves(columns), "half"),
+        _card("Time between points", charts.interval_curves(columns), "half"),
+    )
+    return _block("How old are the points, and how often do they come?", "", "".join(cards))
 
 
 def _honesty(columns: Sequence[Column]) -> str:
@@ -130,8 +140,7 @@ def _honesty(columns: Sequence[Column]) -> str:
         cards.append(_card(f"{column.name}: along and across", charts.scatter(column, index)))
         for what, nees in (("position", residuals.position_nees), ("velocity", residuals.velocity_nees)):
             picture = charts.nees_histogram(nees, f"{column.name} {what}", index)
-            if picture:
-                cards.append(_card(f"{column.name}: {what} NEES", picture))
+            cards.append(_card(f"{column.name}: {what} NEES", picture))
     note = (
         "Ellipses hold 50 and 95 % of a Gaussian with this mean and spread. "
         "NEES is the squared error in units of the stated covariance; the line is what an honest one gives."
@@ -140,19 +149,26 @@ def _honesty(columns: Sequence[Column]) -> str:
 
 
 def _flights(columns: Sequence[Column], curve: TruthCurve) -> str:
-    cards = [_card("Flights, the worst first", flight_charts.flight_bars(columns), wide=True)]
+    cards = [
+        _card("The worst flights", flight_charts.flight_bars(columns), "wide"),
+        _card("All flights", flight_charts.flight_curves(columns)),
+    ]
     for index, column in enumerate(columns):
         flight = flight_charts.worst_flight(column, curve)
         if flight is None:
             continue
         residuals = column.product.residuals
         row = flight.rows[flight.worst]
-        error, when = float(residuals.horizontal_m[row]), f.clock(float(residuals.time_s[row]))
-        title = f"{column.name}: {flight.name}"
-        cards.append(_card(f"{title}, the whole flight", flight_charts.flight_map(flight, index)))
-        cards.append(_card(f"{title}, {f.number(error)} m at {when}", flight_charts.close_up(flight, index, error)))
-        cards.append(_card(f"{title}, error over time", flight_charts.flight_series(column, flight, index), wide=True))
-    note = "The flight with the largest RMS: truth as a line, fused points in colour, the largest error ringed."
+        error, when = float(residuals.horizontal_m[row]), f.clock(float(residuals.time_s[row]))[11:]
+        picture, factor = flight_charts.close_up(column, flight, index)
+        title = f"{column.name}, flight {flight.name}"
+        cards.append(_card(title, flight_charts.flight_map(flight, index)))
+        cards.append(_card(f"{f.number(error)} m at {when}, errors drawn × {factor}", picture))
+        cards.append(_card("Its error over time", flight_charts.flight_series(column, flight, index)))
+    note = (
+        "Maps show the flight with the largest RMS: truth as a line, fused points in colour, the largest error ringed. "
+        "Shaded in time: turns orange, other manoeuvres violet."
+    )
     return _block("Which flights?", note, "".join(cards))
 
 
@@ -179,10 +195,10 @@ def _table(section: Section) -> str:
     return f'<article class="card table">{title}<div class="scroll">{table}</div></article>'
 
 
-def _card(title: str, picture: str, *, wide: bool = False) -> str:
+def _card(title: str, picture: str, width: str = "third") -> str:
     if not picture:
         return ""
-    return f'<article class="card{" wide" if wide else ""}"><h3>{escape(title)}</h3>{picture}</article>'
+    return f'<article class="card {width}"><h3>{escape(title)}</h3>{picture}</article>'
 
 
 def _block(title: str, note: str, content: str, layout: str = "grid") -> str:

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from aeroskein.evaluation import Evaluation, ProductEvaluation
-from aeroskein.evaluation.figures import SensorEvaluation
+from aeroskein.evaluation.figures import RequirementRow, SensorEvaluation
 from aeroskein_service.evaluation import formats as f
 
-__all__ = ["Column", "Row", "Section", "columns_of", "sections_of"]
+__all__ = ["Column", "Row", "Section", "columns_of", "rule_rows", "sections_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ def sections_of(evaluations: Sequence[Evaluation]) -> list[Section]:
     columns = columns_of(evaluations)
     names = tuple(f"{column.evaluation.name}\n{column.product.product}" for column in columns)
     settings = evaluations[0].settings if evaluations else None
-    from_s = f.number(settings.from_s) if settings else ""
+    from_s = f"{settings.from_s:g}" if settings else ""
     judged = f"Confirmed and coasting points from {from_s} s after the first report of each flight."
     sections = [
         Section("Accuracy", judged, names, _rows(_ACCURACY, columns)),
@@ -147,6 +147,15 @@ def sections_of(evaluations: Sequence[Evaluation]) -> list[Section]:
     if sensors:
         sections.append(_raw(tuple(sensors.values()), columns))
     return sections
+
+
+def rule_rows(columns: Sequence[Column]) -> list[tuple[tuple[RequirementRow, RequirementRow], ...]]:
+    """Requirement rows rule by rule: for each column of the evaluation the rows for 3 and for 5 NM."""
+    pairs = []
+    for column in columns:
+        rows = column.product.requirements
+        pairs.append(list(zip(rows[0::2], rows[1::2], strict=True)))
+    return list(zip(*pairs, strict=True))
 
 
 def _rows(specs: Sequence[_Spec], columns: Sequence[Column]) -> tuple[Row, ...]:

@@ -17,8 +17,13 @@ import numpy as np
 
 from aeroskein.plots import Array
 
-__all__ = ["Plot", "Scale", "tick_text", "ticks_of"]
+__all__ = ["FULL", "HALF", "THIRD", "TWO_THIRDS", "Plot", "Scale", "same_scale", "tick_text", "ticks_of"]
 
+# Sizes of pictures in a row of the page, so that letters are as large in all of them. [px]
+THIRD: Final = (370.0, 290.0)
+HALF: Final = (565.0, 320.0)
+TWO_THIRDS: Final = (765.0, 320.0)
+FULL: Final = (1160.0, 320.0)
 # Room around the frame for tick labels and axis names. [px]
 _LEFT: Final = 54.0
 _RIGHT: Final = 14.0
@@ -67,6 +72,15 @@ def ticks_of(low: float, high: float, *, is_log: bool = False, about: int = 5) -
     first = math.ceil(low / step - 1e-9)
     last = math.floor(high / step + 1e-9)
     return [k * step for k in range(first, last + 1)]
+
+
+def same_scale(points: Array, size: tuple[float, float]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Ranges of x and y that show all points, with the same metres to a pixel both ways."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    frame = np.array([size[0] - _LEFT - _RIGHT, size[1] - _TOP - _BOTTOM])
+    per_px = max(float(np.max((high - low) / frame)), 1e-9) * 1.08
+    corner, other = 0.5 * (low + high) - 0.5 * per_px * frame, 0.5 * (low + high) + 0.5 * per_px * frame
+    return (float(corner[0]), float(other[0])), (float(corner[1]), float(other[1]))
 
 
 def tick_text(value: float) -> str:
@@ -201,11 +215,11 @@ class Plot:
         parts = []
         for tick in self.x.ticks:
             at = float(self.x(tick))
-            parts.append(f'<line class="grid" x1="{at:.1f}" y1="{self.y.end:.1f}" x2="{at:.1f}" y2="{base:.1f}"/>')
+            parts.append(f'<line class="gridline" x1="{at:.1f}" y1="{self.y.end:.1f}" x2="{at:.1f}" y2="{base:.1f}"/>')
             parts.append(f'<text class="tick mid" x="{at:.1f}" y="{base + 15:.1f}">{tick_text(tick)}</text>')
         for tick, label in self.y_ticks or [(tick, tick_text(tick)) for tick in self.y.ticks]:
             at = float(self.y(tick))
-            parts.append(f'<line class="grid" x1="{self.left:.1f}" y1="{at:.1f}" x2="{right:.1f}" y2="{at:.1f}"/>')
+            parts.append(f'<line class="gridline" x1="{self.left:.1f}" y1="{at:.1f}" x2="{right:.1f}" y2="{at:.1f}"/>')
             parts.append(f'<text class="tick end" x="{self.left - 6:.1f}" y="{at + 3.5:.1f}">{escape(label)}</text>')
         middle = (self.left + right) / 2.0
         parts.append(f'<text class="axis mid" x="{middle:.1f}" y="{self.height - 6:.1f}">{escape(self.x_label)}</text>')

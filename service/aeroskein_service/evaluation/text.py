@@ -13,7 +13,7 @@ from rich.text import Text
 from aeroskein.evaluation import Evaluation
 from aeroskein.evaluation.figures import RequirementRow, Verdict
 from aeroskein_service.evaluation.formats import NOTHING, number
-from aeroskein_service.evaluation.summary import Column, Section, columns_of, sections_of
+from aeroskein_service.evaluation.summary import Column, Section, columns_of, rule_rows, sections_of
 
 __all__ = ["DISCLAIMER", "print_evaluations"]
 
@@ -58,7 +58,7 @@ def _requirements(columns: Sequence[Column]) -> Table:
     for column in columns:
         table.add_column(f"{column.evaluation.name}\n{column.product.product}", justify="right")
     silent = []
-    for pairs in zip(*(_pairs(column.product.requirements) for column in columns), strict=True):
+    for pairs in rule_rows(columns):
         near, far = pairs[0]
         if all(row.verdict is Verdict.NOT_MEASURABLE for pair in pairs for row in pair):
             silent.append(f"{near.standard} {near.row} {near.item}")
@@ -70,11 +70,6 @@ def _requirements(columns: Sequence[Column]) -> Table:
     return table
 
 
-def _pairs(rows: Sequence[RequirementRow]) -> list[tuple[RequirementRow, RequirementRow]]:
-    """Both columns of every rule."""
-    return list(zip(rows[0::2], rows[1::2], strict=True))
-
-
 def _limit(near: RequirementRow, far: RequirementRow) -> str:
     sense = "≤" if near.sense == "<=" else "≥"
     values = f"{near.limit:g}" if near.limit == far.limit else f"{near.limit:g} / {far.limit:g}"
@@ -84,6 +79,10 @@ def _limit(near: RequirementRow, far: RequirementRow) -> str:
 def _verdict(near: RequirementRow, far: RequirementRow) -> Text:
     if near.verdict is far.verdict and near.measured == far.measured:
         return _one(near)
+    if near.verdict is far.verdict:
+        return Text(
+            f"{number(near.measured)} / {number(far.measured)} {_WORDS[near.verdict]}", style=_STYLES[near.verdict]
+        )
     return Text.assemble(_one(near), " / ", _one(far))
 
 
