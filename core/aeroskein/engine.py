@@ -28,6 +28,7 @@ from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.points import FusedPoints, Product, Status
 from aeroskein.publishing import element_points, element_vertical, live_points, live_state
 from aeroskein.reasons import Reason
+from aeroskein.recentring import recentre
 from aeroskein.references import ReferenceSampler, compare
 from aeroskein.registration import Registration
 from aeroskein.repeats import is_implausible
@@ -39,8 +40,8 @@ __all__ = ["ElementRecord", "FusionEngine"]
 
 # Elements closed in one pass; more would keep input waiting, fewer would pay the fixed cost of a pass more often.
 LANES: Final = 512
-# Registration moves slowly; once a second is often enough. [s]
-REGISTRATION_PERIOD_S: Final = 1.0
+# Biases drift and aircraft leave their planes slowly; once a second is often enough. [s]
+SLOW_PERIOD_S: Final = 1.0
 
 
 @dataclass(slots=True)
@@ -81,7 +82,7 @@ class FusionEngine:
         self._registration = Registration(settings)
         self._biases = AppliedBiases(*self._registration.table())
         self._sampler = ReferenceSampler(len(settings.sensors))
-        self._registered_s = -math.inf
+        self._slow_s = -math.inf
         # End of the last element that was published before a restart, by address. [s since the epoch]
         self._published_until_s: dict[int, float] = {}
         self._now_s = 0.0
@@ -248,9 +249,10 @@ class FusionEngine:
         events += ageing.coast(state, now_s)
         events += self._terminate(now_s)
         self._clock.lap("ageing", 1)
-        if now_s - self._registered_s >= REGISTRATION_PERIOD_S:
+        if now_s - self._slow_s >= SLOW_PERIOD_S:
+            self._slow_s = now_s
             self._registration.advance(now_s=now_s)
-            self._registered_s = now_s
+            recentre(state)
         return events
 
     def finish(self, *, now_s: float) -> list[Event]:
