@@ -33,6 +33,8 @@ _NAMED_BY: Final = {"sensors": "id", "errors": "sensor"}
 class ConfigError(AeroskeinError, ValueError):
     """A configuration that cannot work; the message is one sentence for the user."""
 
+    exit_status: Final = 2
+
 
 def sentence(
     error: ValidationError, model: type[BaseModel], content: Mapping[str, Any], origins: Mapping[KeyPath, str]

@@ -16,8 +16,6 @@ from aeroskein_service.report_columns import parse_address, parse_callsign
 
 __all__ = ["SelectionError", "parse_selection"]
 
-WRONG_USAGE: Final = 2
-
 
 class SelectionError(AeroskeinError, ValueError):
     """A condition that cannot be understood; the message names it.
@@ -30,7 +28,7 @@ class SelectionError(AeroskeinError, ValueError):
         What would have been understood, and what came instead.
     """
 
-    exit_status = WRONG_USAGE
+    exit_status: Final = 2
 
     def __init__(self, name: str, expected: str) -> None:
         super().__init__(f"{name}: {expected}")
