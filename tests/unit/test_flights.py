@@ -123,7 +123,11 @@ def test_a_radar_plot_becomes_a_position_with_the_radars_covariance() -> None:
     located = locate_flights(flights, table, np.zeros((3, 4)))
 
     seen = measure(
-        flights, located, planes_of("local", flights.flight, located.lat_deg, located.lon_deg), table, table.time_sigma_s
+        flights,
+        located,
+        planes_of("local", flights.flight, located.lat_deg, located.lon_deg),
+        table,
+        table.time_sigma_s,
     )
 
     # Across the beam: 60 km times 0.07 degrees; along it 50 m and what the unknown height adds.

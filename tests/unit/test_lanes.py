@@ -1,5 +1,7 @@
 """Walking many flights through time at once."""
 
+import itertools
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +19,7 @@ def test_steps_visit_every_row_once_and_in_order(lengths: list[int]) -> None:
     visited = [lanes.rows(k) for k in range(lanes.steps)]
 
     assert sorted(np.concatenate(visited).tolist()) == list(range(len(flight)))
-    for earlier, later in zip(visited, visited[1:], strict=False):
+    for earlier, later in itertools.pairwise(visited):
         np.testing.assert_array_equal(earlier[: len(later)] + 1, later)
         np.testing.assert_array_equal(flight[earlier[: len(later)]], flight[later])
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
+from tests.filter_scenes import turning_flights
 
 from aeroskein.adsb_filter.linear import LinearHistory, filter_linear, smooth_linear
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.adsb_filter.start import Start, start_states
 from aeroskein.measurements import Measurements
-from tests.filter_scenes import turning_flights
 
 SETTINGS = AdsbFilterSettings(linear_sigma_mps2=1.0, outlier_sigmas=1000.0)
 

@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests import filter_scenes as scenes
+from tests.filter_scenes import Floats, turning_flights
 
 from aeroskein import motion
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.adsb_filter.start import start_states
 from aeroskein.adsb_filter.turning import POINTS, Bank, bank_of, filter_turning, smooth_turning
 from aeroskein.measurements import Measurements
-from tests import filter_scenes as scenes
-from tests.filter_scenes import Floats, turning_flights
 
 SETTINGS = AdsbFilterSettings(outlier_sigmas=1000.0)
 POSITIONS = AdsbFilterSettings(outlier_sigmas=1000.0, use_velocity=False)
