@@ -230,13 +230,27 @@ def filter_sensor(
 def evaluate(
     fused: Annotated[list[Path], typer.Argument(metavar="FUSED...", exists=True, dir_okay=False, help="Fused files.")],
     truth: Annotated[Path, typer.Option("--truth", exists=True, dir_okay=False, help="Truth file.")],
+    reports: Annotated[
+        Path | None,
+        typer.Option("--reports", exists=True, dir_okay=False, help="Report file: raw sensors are judged too."),
+    ] = None,
+    config: opt.OptionalConfig = None,
     as_json: opt.AsJson = False,
-    from_s: Annotated[float, typer.Option("--from", metavar="S", min=0.0, help="Skip each flight's beginning.")] = 30.0,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", dir_okay=False, help="Write a page with plots.")
+    ] = None,
+    from_s: Annotated[
+        float, typer.Option("--from-s", "--from", metavar="S", min=0.0, help="Skip each flight's beginning.")
+    ] = 30.0,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the confidence intervals.")] = 1,
     max_bad: opt.MaxBad = 0.01,
 ) -> int:
-    """Errors against truth."""
-    return _call("evaluate", fused=fused, truth=truth, as_json=as_json, from_s=from_s, seed=seed, max_bad=max_bad)
+    """Errors against truth; with --reports of the raw sensors too (radars need --config for their sites)."""
+    loaded = None if config is None else _Load(config, sensors_required=False)
+    return _call(
+        "evaluate", fused=fused, truth=truth, reports=reports, config=loaded, as_json=as_json, html=html, from_s=from_s,
+        seed=seed, max_bad=max_bad,
+    )  # fmt: skip
 
 
 # -- recordings ------------------------------------------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from html import escape
 from typing import Final
 
 import numpy as np
@@ -117,7 +118,7 @@ def spread_bars(names: Sequence[str], by_column: Sequence[dict[str, Spread]], ti
 def _bar(plot: Plot, top_px: float, size: Spread, css: str, name: str) -> None:
     left, y = plot.x.start, plot.y.end + top_px
     right, far = float(plot.x(size.rms or 0.0)), float(plot.x(size.p95 or 0.0))
-    tip = f"<title>{name}: RMS {number(size.rms)} m, 95 % {number(size.p95)} m, {size.count} points</title>"
+    tip = f"<title>{escape(name)}: RMS {number(size.rms)} m, 95 % {number(size.p95)} m, {size.count} points</title>"
     box = f'x="{left:.1f}" y="{y:.1f}" width="{right - left:.1f}" height="{_BAR_PX - 1.5:.1f}"'
     plot.add(f'<rect class="bar {css}" {box}>{tip}</rect>')
     middle = y + 0.5 * (_BAR_PX - 1.5)
