@@ -32,6 +32,8 @@ BATCH_S: Final = 0.1
 BATCH_REPORTS: Final = 50
 # Chunks made ahead of time, so that a block of 20,000 aircraft being flown does not delay what is due now.
 AHEAD_CHUNKS: Final = 20
+# When flying the traffic up to now takes longer than this, what has passed meanwhile is not sent after the event. [s]
+LATE_S: Final = 5.0
 
 
 @dataclass(slots=True)
@@ -149,9 +151,13 @@ def feed_sensors(
             players[index] = _Sensor(sensor_id, publisher, int(time.time() * 1000))
         ahead = _Ahead(make_chunks(time.time()))
         held.callback(ahead.close)
+        late = True
         for chunk in ahead:
             if stop.wait(max(0.0, chunk.until_s - time.time())):
                 break
+            late = late and chunk.until_s < time.time() - LATE_S
+            if late:
+                continue
             for index, player in players.items():
                 player.put(chunk.plots.take(chunk.plots.sensor == index), counts)
     return counts

@@ -15,11 +15,12 @@ import numpy as np
 
 from aeroskein.plots import Plots
 from aeroskein.settings import SensorSettings
+from aeroskein.simulation.block import Block
 from aeroskein.simulation.radar import RadarSensor
 from aeroskein.simulation.settings import SimulationSettings
 from aeroskein.simulation.squitters import PositionSensor
 from aeroskein.simulation.traffic import BLOCK_S
-from aeroskein.simulation.trajectory import Block, Fleet
+from aeroskein.simulation.trajectory import Fleet
 from aeroskein.simulation.truth import Motion, TruthStates
 
 __all__ = ["Chunk", "SensorModel", "TruthSamples", "in_chunks", "sensor_models", "simulate", "truth_by_track"]
@@ -81,19 +82,20 @@ class _Arrivals:
     """Reports that are under way, given out in order of arrival."""
 
     def __init__(self) -> None:
-        self._waiting = Plots.of(0)
+        self._reports = Plots.of(0)
+        self._given = 0
 
-    def put(self, parts: list[Plots]) -> None:
+    def put(self, parts: Sequence[Plots]) -> None:
         """Add reports in any order."""
-        joined = Plots.concatenate([self._waiting, *parts])
-        self._waiting = joined.take(np.argsort(joined.received_s, kind="stable"))
+        waiting = self._reports.take(np.arange(self._given, len(self._reports)))
+        joined = Plots.concatenate([waiting, *parts])
+        self._reports = joined.take(np.argsort(joined.received_s, kind="stable"))
+        self._given = 0
 
     def take_until(self, until_s: float) -> Plots:
         """The reports that arrive before a time."""
-        n = int(np.searchsorted(self._waiting.received_s, until_s, side="left"))
-        arrived = self._waiting.take(np.arange(n))
-        self._waiting = self._waiting.take(np.arange(n, len(self._waiting)))
-        return arrived
+        first, self._given = self._given, int(np.searchsorted(self._reports.received_s, until_s, side="left"))
+        return self._reports.take(np.arange(first, self._given))
 
 
 class TruthSamples:

@@ -36,8 +36,9 @@ VERTICAL_RATE_STEP_MPS: Final = 64.0 * 0.3048 / 60.0
 EPU_M: Final = np.array([18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0])
 HFOM_V_MPS: Final = np.array([10.0, 3.0, 1.0, 0.3])
 SIGMAS_95: Final = 2.448
-# Integrity containment that goes with NACp 1..11 in a usual installation, and its level.
-_NIC: Final = np.array([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+# Integrity containment of a usual installation with NACp 0..11: GNSS with SBAS seldom promises less than 0.1 NM.
+_NIC: Final = (0, 1, 2, 3, 4, 5, 6, 7, 7, 8, 8, 9)
+# Chance of being outside it: below 1e-7 an hour.
 _SIL: Final = 3
 
 
@@ -45,7 +46,7 @@ def quality_indicators(position_sigma_m: float, velocity_sigma_mps: float) -> di
     """NACp, NACv, NIC and SIL of an installation with these errors: the best class that still covers them."""
     nac_p = int(np.count_nonzero(SIGMAS_95 * position_sigma_m <= EPU_M))
     nac_v = int(np.count_nonzero(SIGMAS_95 * velocity_sigma_mps <= HFOM_V_MPS))
-    return {"nac_p": nac_p, "nac_v": nac_v, "nic": int(_NIC[nac_p - 1]) if nac_p else 0, "sil": _SIL}
+    return {"nac_p": nac_p, "nac_v": nac_v, "nic": _NIC[nac_p], "sil": _SIL}
 
 
 class PositionSensor:

@@ -1,21 +1,21 @@
 """Trajectories: the aircraft of a range of slots, integrated at 20 Hz in blocks of two seconds.
 
-Course, speed and height follow the legs (``manoeuvres``); gusts are an Ornstein-Uhlenbeck acceleration of 10 s whose
-effect on the velocity fades within a minute, as a crew or an autopilot would have it. Between two steps positions
-follow the cubic that agrees with both positions and velocities, so every instant has a truth.
+Course, speed and height follow the legs (``manoeuvres``), moved by gusts; each aircraft is integrated in the tangent
+plane it carries along (``frames``). What is flown depends on the seed and the slot only, so any range of slots can be
+flown by itself.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from aeroskein.ellipsoid import normal_and_height
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.simulation.block import STEP_S, STEPS, Block
 from aeroskein.simulation.draws import hashed_normal_pair, hashed_uniform
-from aeroskein.simulation.frames import Frames, east_north, latitude_longitude_deg, track_angle_deg
+from aeroskein.simulation.frames import Frames
+from aeroskein.simulation.gusts import Gusts
 from aeroskein.simulation.manoeuvres import (
     ACCELERATION_RAMP_MPS3,
     TURN_RAMP_RADPS2,
@@ -27,50 +27,11 @@ from aeroskein.simulation.manoeuvres import (
 from aeroskein.simulation.scenarios import LEG_TABLE, LegColumn, leg_numbers
 from aeroskein.simulation.settings import SimulationSettings
 from aeroskein.simulation.traffic import BLOCK_S, Flights, Schedule, identify, place
-from aeroskein.simulation.truth import Identity, Phase, States, TruthStates
 
-__all__ = ["Block", "Fleet"]
-
-STEPS: Final = 40
-STEP_S: Final = BLOCK_S / STEPS
-
-# Gusts: correlation time of the acceleration, time in which its effect on the velocity is flown out. [s]
-GUST_TIME_S: Final = 10.0
-GUST_FADE_S: Final = 60.0
-# The acceleration is drawn twice a second and linear between: 2 % less variance there than the exact process.
-GUST_NODES: Final = 4
-_GUST_DECAY: Final = float(np.exp(-BLOCK_S / GUST_NODES / GUST_TIME_S))
-# Slow aircraft are held in place by their crews: gusts move them less below this speed. [m/s]
-GUST_FULL_MPS: Final = 3.0
+__all__ = ["Fleet"]
 
 # A vertical or standing aircraft keeps a direction: this speed along its heading remains. [m/s]
 STANDSTILL_MPS: Final = 1e-6
-# Below this an aircraft hovers. [m/s]
-HOVER_MPS: Final = 1.0
-
-# The geometric-minus-pressure difference is a wave over the globe of about this length that passes in this time.
-PRESSURE_WAVE_M: Final = 1.0e6
-PRESSURE_WAVE_S: Final = 21_600.0
-_WAVE_DIRECTION: Final = np.array([0.48, 0.60, 0.64]) * 6.371e6 / PRESSURE_WAVE_M
-
-
-def _gust_response() -> Array:
-    """How gust velocity at every step follows from its value at the start and the accelerations at the nodes.
-
-    Shape (STEPS + 1, 1 + GUST_NODES + 1); made by stepping each unit input through the trapezoidal rule.
-    """
-    nodes = np.linspace(0.0, BLOCK_S, GUST_NODES + 1)
-    steps = np.arange(STEPS + 1) * STEP_S
-    response = np.zeros((STEPS + 1, GUST_NODES + 2))
-    response[0, 0] = 1.0
-    acceleration = np.stack([np.interp(steps, nodes, unit) for unit in np.eye(GUST_NODES + 1)], axis=1)
-    for k in range(STEPS):
-        response[k + 1] = response[k] * (1.0 - STEP_S / GUST_FADE_S)
-        response[k + 1, 1:] += STEP_S / 2.0 * (acceleration[k] + acceleration[k + 1])
-    return response
-
-
-_GUST_RESPONSE: Final = _gust_response()
 
 
 def _integral(rate: Array, start: Array | float = 0.0) -> Array:
@@ -80,105 +41,6 @@ def _integral(rate: Array, start: Array | float = 0.0) -> Array:
     np.add(rate[1:], rate[:-1], out=total[1:])
     total[1:] *= STEP_S / 2.0
     return np.cumsum(total, axis=0, out=total)
-
-
-@dataclass(slots=True, eq=False)
-class Block:
-    """Two seconds of a fleet: implements ``Motion``. Valid until the fleet advances again.
-
-    Arrays over steps and aircraft have shape ``(STEPS + 1, n)``: plane coordinates, height, velocity.
-    """
-
-    index: int
-    anchor_s: float
-    rows: Ints
-    slots: Ints
-    identity: Identity
-    settings: SimulationSettings
-    frames: Frames
-    legs: Legs
-    encoder_m: Array
-    right_m: Array
-    ahead_m: Array
-    height_m: Array
-    right_mps: Array
-    ahead_mps: Array
-    vertical_mps: Array
-
-    @property
-    def start_s(self) -> float:
-        """Start of the block. [s since the epoch]"""
-        return self.anchor_s + self.index * BLOCK_S
-
-    @property
-    def end_s(self) -> float:
-        """End of the block, not included. [s since the epoch]"""
-        return self.anchor_s + (self.index + 1) * BLOCK_S
-
-    def at(self, rows: Ints, time_s: Array) -> States:
-        """States of rows at times inside the block, in pairs."""
-        steps = (time_s - self.start_s) / STEP_S
-        first = np.clip(steps.astype(np.int64), 0, STEPS - 1)
-        u = steps - first
-        n = self.right_m.shape[1]
-        before = first * n + rows
-        pair = (before, before + n)
-
-        def cubic(position: Array, velocity: Array) -> Array:
-            p0, p1 = (position.ravel()[i] for i in pair)
-            v0, v1 = (velocity.ravel()[i] * STEP_S for i in pair)
-            return np.asarray(p0 + u * (v0 + u * (3.0 * (p1 - p0) - 2.0 * v0 - v1 + u * (v0 + v1 - 2.0 * (p1 - p0)))))
-
-        def linear(value: Array) -> Array:
-            v0, v1 = (value.ravel()[i] for i in pair)
-            return np.asarray(v0 + u * (v1 - v0))
-
-        frames = self.frames.take(rows)
-        plane_m = frames.point(cubic(self.right_m, self.right_mps), cubic(self.ahead_m, self.ahead_mps))
-        up, _ = normal_and_height(plane_m)
-        velocity = linear(self.right_mps)[:, None] * frames.right + linear(self.ahead_mps)[:, None] * frames.ahead
-        height_m = cubic(self.height_m, self.vertical_mps)
-        altitude_m = height_m - self._geometric_minus_pressure_m(up, time_s) + self.encoder_m[rows]
-        return States(up, plane_m, height_m, altitude_m, velocity, linear(self.vertical_mps))
-
-    def _geometric_minus_pressure_m(self, up: Array, time_s: Array) -> Array:
-        wave = up @ _WAVE_DIRECTION + (time_s - self.anchor_s) / PRESSURE_WAVE_S
-        swing = self.settings.geometric_minus_pressure_variation_m * np.sin(2.0 * np.pi * wave)
-        return np.asarray(self.settings.geometric_minus_pressure_m + swing)
-
-    def truth(self, time_s: Array) -> TruthStates:
-        """Truth of all aircraft in the air at the given times inside the block, ordered by time, then slot."""
-        rows, times = np.tile(self.rows, len(time_s)), np.repeat(time_s, len(self.rows))
-        states = self.at(rows, times)
-        lat_deg, lon_deg = latitude_longitude_deg(states.up)
-        east, north = east_north(states.up, states.velocity_mps)
-        speed_mps = np.hypot(east, north)
-        return TruthStates(
-            time_s=times,
-            slot=self.slots[rows],
-            address=self.identity.address[rows],
-            lat_deg=lat_deg,
-            lon_deg=lon_deg,
-            height_m=states.height_m,
-            altitude_m=states.altitude_m - self.encoder_m[rows],
-            ground_speed_mps=speed_mps,
-            track_angle_deg=track_angle_deg(east, north),
-            vertical_rate_mps=states.vertical_rate_mps,
-            phase=self._phase(rows, times, speed_mps),
-        )
-
-    def _phase(self, rows: Ints, time_s: Array, speed_mps: Array) -> np.ndarray:
-        turn, acceleration, vertical = self.legs.rates(rows, time_s - self.anchor_s)
-        conditions = {
-            Phase.HOVER: speed_mps < HOVER_MPS,
-            Phase.TURN: turn != 0.0,
-            Phase.ACCELERATION: acceleration > 0.0,
-            Phase.DECELERATION: acceleration < 0.0,
-            Phase.CLIMB: vertical > 0.0,
-            Phase.DESCENT: vertical < 0.0,
-        }
-        phase = np.select(list(conditions.values()), [int(p) for p in conditions], default=int(Phase.STRAIGHT))
-        return phase.astype(np.uint8)
 
 
 class Fleet:
@@ -225,7 +87,7 @@ class Fleet:
         self._end_block = np.zeros(n, dtype=np.int64)
         self._legs, self._step = Legs.none(n), np.zeros(n, dtype=np.int64)
         self._heading, self._speed, self._height = np.zeros(n), np.full(n, STANDSTILL_MPS), np.zeros(n)
-        self._gust_mps, self._gust_mps2, self._encoder_m = np.zeros((2, n)), np.zeros((2, n)), np.zeros(n)
+        self._gusts, self._encoder_m = Gusts(settings.gust_mps2, n), np.zeros(n)
 
     def advance(self) -> Block:
         """Fly the next block."""
@@ -253,8 +115,7 @@ class Fleet:
         self._height[rows], self._end_block[rows] = placement.height_m, end_block
         self._step[rows], self._in_the_air[rows] = 0, True
         self._legs.end_block[rows] = self._next_block - 1
-        self._gust_mps[:, rows] = 0.0
-        self._gust_mps2[:, rows] = settings.gust_mps2 * np.stack(hashed_normal_pair(flights.gust_key, 30))
+        self._gusts.begin(rows, flights.gust_key)
         self._encoder_m[rows] = settings.altimeter_sigma_m * hashed_normal_pair(flights.key, 31)[0]
         for mine, new in (
             (self._flights.number, flights.number),
@@ -314,7 +175,7 @@ class Fleet:
         right_mps = np.broadcast_to(speed * np.sin(heading), (STEPS + 1, n)).copy()
         ahead_mps = np.broadcast_to(speed * np.cos(heading), (STEPS + 1, n)).copy()
         vertical_mps = np.zeros((STEPS + 1, n))
-        exposure = np.broadcast_to(speed / (speed + GUST_FULL_MPS), (STEPS + 1, n)).copy()
+        speed_mps = np.broadcast_to(speed, (STEPS + 1, n)).copy()
         active = np.flatnonzero(legs.active(start_s, start_s + BLOCK_S))
         if len(active):
             since_s = (start_s - legs.begin_s[active]) + (np.arange(STEPS + 1) * STEP_S)[:, None]
@@ -325,12 +186,12 @@ class Fleet:
             angle = _integral(turn, heading[active])
             fast = np.maximum(_integral(pull, speed[active]), STANDSTILL_MPS)
             right_mps[:, active], ahead_mps[:, active] = fast * np.sin(angle), fast * np.cos(angle)
-            exposure[:, active] = fast / (fast + GUST_FULL_MPS)
+            speed_mps[:, active] = fast
             vertical_mps[:, active] = trapezoid(
                 since_s, legs.vertical_s[active], legs.vertical_mps[active], VERTICAL_RAMP_MPS2
             )
             heading[active], speed[active] = np.mod(angle[-1], 2.0 * np.pi), fast[-1]
-        self._blow(block, exposure, right_mps, ahead_mps)
+        self._gusts.blow(block, self._flights.gust_key, speed_mps, (right_mps, ahead_mps))
         right_m, ahead_m = _integral(right_mps), _integral(ahead_mps)
         height_m = _integral(vertical_mps, self._height)
         frames = self._frames
@@ -339,19 +200,3 @@ class Fleet:
             block, self._anchor_s, np.flatnonzero(self._in_the_air), self._slots, self._identity, self._settings,
             frames, legs, self._encoder_m, right_m, ahead_m, height_m, right_mps, ahead_mps, vertical_mps,
         )  # fmt: skip
-
-    def _blow(self, block: int, exposure: Array, right_mps: Array, ahead_mps: Array) -> None:
-        """Add the gusts of one block to the velocities."""
-        if self._settings.gust_mps2 == 0.0:
-            return
-        scatter = self._settings.gust_mps2 * np.sqrt(1.0 - _GUST_DECAY**2)
-        inputs = np.empty((GUST_NODES + 2, 2, len(self._slots)))
-        inputs[0], inputs[1] = self._gust_mps, self._gust_mps2
-        for node in range(GUST_NODES):
-            new = np.stack(hashed_normal_pair(self._flights.gust_key, 32, block * GUST_NODES + node))
-            inputs[node + 2] = _GUST_DECAY * inputs[node + 1] + scatter * new
-        for axis, velocity_mps in enumerate((right_mps, ahead_mps)):
-            gust_mps = np.einsum("kj,jn->kn", _GUST_RESPONSE, inputs[:, axis])
-            self._gust_mps[axis] = gust_mps[-1]
-            velocity_mps += exposure * gust_mps
-        self._gust_mps2 = inputs[-1].copy()

@@ -231,3 +231,11 @@ def test_a_scenario_without_radars_is_flown_somewhere() -> None:
 
     assert len(plots) > 15
     assert np.abs(truth.lat_deg - 48.1).max() < 5.0
+
+
+def test_nobody_in_the_air_is_no_error() -> None:
+    plots, truth = run(*SENSORS, aircraft=1, duration_s=200.0, flight_s=120.0, scenario="cruise", chunk_s=1.0)
+
+    assert np.diff(np.unique(truth.time_s)).max() > 20.0
+    assert len(np.unique(truth.address)) == 2
+    assert len(plots) > 150
