@@ -99,7 +99,7 @@ class RecordedTraffic:
     ) -> Iterator[Chunk]:
         """Play from ``start_s`` to ``end_s``, or to the end of the recording; the chunks carry no truth.
 
-        The recording begins at ``anchor_s``, or at the start where that is absent; processes with the same anchor agree.
+        The recording begins at ``anchor_s``, absent: at the start; processes with the same anchor agree.
         """
         anchor_s = start_s if anchor_s is None else anchor_s
         simulated = {s.id for s in self._sensors if s.kind != "adsb" and (only is None or s.id in only)}

@@ -40,8 +40,10 @@ TURN_BATCHES: Final = 100
 LINGER_REPORTS: Final = 100
 LINGER_S: Final = 0.015
 TICK_S: Final = 0.1  # elements of many aircraft close together, which costs a tenth of closing them one by one
+# The engine's deadline moves with its input, so time also passes at least this often.
+PASS_S: Final = 0.25
 STATUS_S: Final = 1.0
-REGISTRATION_S: Final = 10.0  # every radar's state goes out at least this often
+REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
 SNAPSHOT_S: Final = 10.0
 LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
 NO_PLOTS: Final = Plots.of(0)
@@ -137,7 +139,9 @@ class Runner:
         if now_s >= self._next_advance_s:
             self._advance(now_s)
         deadline_s = self._engine.next_deadline_s()
-        self._next_advance_s = inf if deadline_s is None else max(deadline_s, self._advanced_s + TICK_S)
+        self._next_advance_s = (
+            inf if deadline_s is None else min(max(deadline_s, self._advanced_s + TICK_S), self._advanced_s + PASS_S)
+        )
         if arrivals:
             self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
         for question in self._inbox.questions():

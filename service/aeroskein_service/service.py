@@ -116,7 +116,10 @@ class Service:
 
     def _make_engine(self, store: StateStore) -> FusionEngine:
         engine = FusionEngine(
-            self._config.engine, epoch_ms=int(time.time() * 1000), first_track_number=store.first_number
+            self._config.engine,
+            epoch_ms=int(time.time() * 1000),
+            first_track_number=store.first_number,
+            stopwatch_s=time.perf_counter,
         )
         try:
             snapshot = store.snapshot(engine.snapshot())

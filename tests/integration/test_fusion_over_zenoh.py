@@ -94,8 +94,7 @@ def test_status_counts_what_happened(service, session, keys):
     assert (adsb["batches"], adsb["lost_batches"], adsb["rejected"], adsb["dropped"]) == (5, 0, {}, 0)
     assert (radar["accepted"], radar["batches"], radar["last_report_s"]) == (0, 0, None)
     assert status["tracks"]["confirmed"] == 3
-    assert {"decode", "engine", "encode", "publish"} <= set(status["stages_us"])
-    assert all(spent > 0.0 for spent in status["stages_us"].values())
+    assert all(status["stages_us"][stage] > 0.0 for stage in ("decode", "engine", "encode", "publish"))
 
 
 def test_status_names_a_sensor_nobody_configured(service, session, keys):
