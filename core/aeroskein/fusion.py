@@ -15,7 +15,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from aeroskein.axis import axis_stations, interpolate_on_axis, project_on_axis
 from aeroskein.closed import Closed
+from aeroskein.elements import inside_boundary
 from aeroskein.enclosing_circle import smallest_circles
 from aeroskein.plots import Array, Bools
 from aeroskein.reasons import Reason
@@ -26,8 +28,6 @@ __all__ = ["Fused", "fuse"]
 
 # A polyline axis has a piece about every second: at 3 degrees a second its chord bends off by less than a metre. [s]
 PIECE_S: Final = 1.0
-# A moving axis is no slower than this when a place on it is turned into a time. [m/s]
-SLOWEST_AXIS_MPS: Final = 1.0
 
 
 @dataclass(slots=True, eq=False)
@@ -130,19 +130,23 @@ def _weighted(closed: Closed) -> Fused:
 def _patent(closed: Closed, half_width_m: float, chord: bool) -> Fused:
     e, w = closed.estimate, closed.window
     inside = closed.in_span()
-    axis = _axis(closed, chord)
-    along, across, _ = _on_axis(axis, w.east_m, w.north_m)
-    length = np.hypot(*np.diff(axis.points, axis=0).transpose(1, 0, 2)).sum(axis=0)
-    between = (np.abs(across) <= half_width_m) & (along >= -half_width_m) & (along <= length + half_width_m)
-    accepted = inside & between
+    axis, times = _axis(closed, chord)
+    stations = axis_stations(axis)
     points = np.stack([w.east_m.T, w.north_m.T], axis=2)
+    along, across, _ = project_on_axis(points, axis)
+    # Members are chosen by time; along the axis a report may lie off by as much as across it, not more.
+    between = inside_boundary(across, half_width_m)
+    between &= (along >= -half_width_m) & (along <= stations[:, -1:] + half_width_m)
+    between = between.T
+    accepted = inside & between
     centres, _ = smallest_circles(points, accepted.T)
     some = accepted.any(axis=0)
     position = np.where(some, centres.T, e.x[:2])
-    _, _, time = _on_axis(axis, position[None, 0], position[None, 1])
+    along, _, _ = project_on_axis(position.T[:, None, :], axis)
+    time = interpolate_on_axis(stations, times, along)[:, 0]
     start, end = closed.span_s[:, 0], closed.span_s[:, 1]
     return Fused(
-        np.where(some, np.clip(time[0], start, end), closed.centre_s),
+        np.where(some, np.clip(time, start, end), closed.centre_s),
         position,
         np.full((3, len(some)), np.nan),
         None,
@@ -153,44 +157,11 @@ def _patent(closed: Closed, half_width_m: float, chord: bool) -> Fused:
     )
 
 
-@dataclass(slots=True, eq=False)
-class _Axis:
-    """Points of the axis inside an element ``(pieces + 1, 2, n)`` and their times ``(pieces + 1, n)``."""
-
-    points: Array
-    times: Array
-
-
-def _axis(closed: Closed, chord: bool) -> _Axis:
-    start, end = closed.span_s[:, 0], closed.span_s[:, 1]
+def _axis(closed: Closed, chord: bool) -> tuple[Array, Array]:
+    """Points of the axis inside each element ``(n, P, 2)`` and their times ``(n, P)``. [m, s since the epoch]"""
+    start, end = closed.span_s[:, :1], closed.span_s[:, 1:]
     pieces = 1 if chord else max(1, int(np.ceil((end - start).max(initial=1.0) / PIECE_S)))
-    times = start + (end - start) * np.linspace(0.0, 1.0, pieces + 1)[:, None]
-    h = (times - closed.centre_s)[:, None, :]
-    x = closed.estimate.x
-    return _Axis(x[0:2] + h * x[2:4] + 0.5 * h * h * x[4:6], times)
-
-
-def _on_axis(axis: _Axis, east_m: Array, north_m: Array) -> tuple[Array, Array, Array]:
-    """Arc length, signed offset and time of the nearest place on the axis, for points ``(K, n)``; ends run on."""
-    start, step = axis.points[:-1], np.diff(axis.points, axis=0)
-    seconds = np.diff(axis.times, axis=0)
-    length = np.maximum(np.hypot(step[:, 0], step[:, 1]), SLOWEST_AXIS_MPS * np.maximum(seconds, 1e-9))
-    unit = step / length[:, None]
-    de = east_m[:, None] - start[None, :, 0]
-    dn = north_m[:, None] - start[None, :, 1]
-    s = de * unit[:, 0] + dn * unit[:, 1]
-    c = dn * unit[:, 0] - de * unit[:, 1]
-    # Only the first piece runs on backwards and only the last forwards.
-    pieces = len(length)
-    low = np.where(np.arange(pieces) == 0, -np.inf, 0.0)[:, None]
-    high = np.where((np.arange(pieces) == pieces - 1)[:, None], np.inf, length)
-    foot = np.clip(s, low, high)
-    nearest = np.hypot(s - foot, c).argmin(axis=1)[:, None]
-
-    def pick(value: Array) -> Array:
-        return np.asarray(np.take_along_axis(value, nearest, axis=1)[:, 0])
-
-    before = np.concatenate([np.zeros_like(length[:1]), np.cumsum(length, axis=0)[:-1]])
-    along = pick(before[None] + foot)
-    time = pick(axis.times[None, :-1] + foot / length * seconds)
-    return along, pick(c), time
+    times = start + (end - start) * np.linspace(0.0, 1.0, pieces + 1)
+    h = (times - closed.centre_s[:, None])[:, :, None]
+    x = closed.estimate.x.T[:, None, :]
+    return x[:, :, 0:2] + h * x[:, :, 2:4] + 0.5 * h * h * x[:, :, 4:6], times

@@ -77,8 +77,8 @@ def element_points(
     if fused.velocity_mps is not None and fused.velocity_cov is not None:
         x[2:], velocity_cov = fused.velocity_mps, fused.velocity_cov
     else:
-        live_x, live_P = state.live.state_at(slots, fused.time_s)
-        x[2:], velocity_cov = live_x[2:4], live_P[[12, 13, 17]]
+        # The live state of that instant: what the forward filter knew at the element's centre without looking ahead.
+        x[2:], velocity_cov = closed.estimate.filtered_x[2:4], closed.estimate.filtered_covariance[[12, 13, 17]]
         if state.settings.fusion.mode == "patent":
             velocity_cov = np.full((3, n), np.nan)
     flags = tracks.flags[slots].copy()
