@@ -213,16 +213,20 @@ def smooth(config: opt.Config, reports: opt.Reports, output: opt.Output, max_bad
 def filter_sensor(
     config: opt.Config,
     reports: opt.Reports,
-    sensor: Annotated[str, typer.Option("--sensor", help="Whose reports.")],
+    sensor: Annotated[str, typer.Option("--sensor", help="Whose reports; several with commas between.")],
     output: opt.Output,
     model: Annotated[Literal["linear", "ukf", "imm"], typer.Option("--model", help="Which filter.")] = "imm",
     smooth: Annotated[bool, typer.Option("--smooth", help="Smooth backward as well.")] = False,
+    estimate_errors: Annotated[
+        bool,
+        typer.Option("--estimate-errors", help="Use position and time errors estimated from straight flight."),
+    ] = False,
     max_bad: opt.MaxBad = 0.01,
 ) -> int:
     """Filtering of one sensor's tracks."""
     return _call(
         "filter", config=_Load(config), reports=reports, sensor=sensor, model=model, smooth=smooth, output=output,
-        max_bad=max_bad,
+        estimate_errors=estimate_errors, max_bad=max_bad,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from typing import Any, Final, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
+from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.errors import SettingsError, UnknownSensorError
 from aeroskein.settings import (
     AssociationSettings,
@@ -179,6 +180,7 @@ class Config(BaseModel):
     tracks: TrackSettings = TrackSettings()
     registration: RegistrationSettings = RegistrationSettings()
     association: AssociationSettings = AssociationSettings()
+    filter: AdsbFilterSettings = AdsbFilterSettings()
     zenoh: ZenohSettings = ZenohSettings()
     service: ServiceSettings = ServiceSettings()
     output: OutputSettings = OutputSettings()
