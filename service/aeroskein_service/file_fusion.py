@@ -111,9 +111,14 @@ def fuse_chunks(
 
 
 def _usable(chunk: ReportChunk, clock_s: Array, select: Callable[[Plots], Bools] | None) -> tuple[Plots, Array]:
-    """The good reports of a chunk that are selected, with the clock at their arrival."""
+    """The good reports of a chunk that are selected, with the clock at their arrival.
+
+    A line that claims to have arrived before the one in front of it arrived when that one did, so that ages, latencies
+    and what is too far ahead are measured on the same clock.
+    """
     good = (chunk.reasons == 0) & np.isfinite(clock_s)
     plots, clock_s = chunk.plots.take(good), clock_s[good]
+    plots.received_s = clock_s
     if select is not None:
         chosen = select(plots)
         plots, clock_s = plots.take(chosen), clock_s[chosen]
