@@ -62,9 +62,11 @@ def _config(settings: Mapping[str, Any]) -> zenoh.Config:
     return config
 
 
-def _first_line(error: Exception) -> str:
-    """Zenoh's message without the place in its source."""
-    return str(error).split(" at /", 1)[0].strip().rstrip(".")
+def _in_short(error: Exception) -> str:
+    """Zenoh's message in one line, without the place in its source; of a picture of a file, where and what."""
+    lines = [line.strip(" |=->") for line in str(error).split(" at /", 1)[0].splitlines()]
+    lines = [line for line in lines if line]
+    return ": ".join(dict.fromkeys([lines[0], lines[-1]])).rstrip(".") if lines else type(error).__name__
 
 
 def open_session(
@@ -101,7 +103,7 @@ def open_session(
             session = Session(zenoh.open(config))
         except zenoh.ZError as error:
             if "Unable to connect" not in str(error):
-                raise TransportError(f"zenoh: {_first_line(error)}") from error
+                raise TransportError(f"zenoh: {_in_short(error)}") from error
         else:
             if waited:
                 say(f"connected to the Zenoh router at {link.where}")
@@ -345,7 +347,7 @@ class Router:
             where = ", ".join(listen) or str(config_file)
             if "in use" in str(error):
                 raise TransportError(f"another program already listens at {where}") from error
-            raise TransportError(f"no router at {where}: {_first_line(error)}") from error
+            raise TransportError(f"no router at {where}: {_in_short(error)}") from error
 
     def __enter__(self) -> Self:
         return self

@@ -5,13 +5,17 @@ Nothing of Zenoh is replaced. Waiting is for a condition with a generous limit, 
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 
@@ -178,3 +182,69 @@ class Listener:
 def connect(endpoint: str) -> Session:
     """A session of a test's own."""
     return open_session(Link(connect=(endpoint,)))
+
+
+ROOT = Path(__file__).parents[2]
+
+
+class Process:
+    """A command of ours in a process of its own, with what it writes."""
+
+    def __init__(self, folder: Path, *arguments: str | Path) -> None:
+        self._out = folder / f"{arguments[0]}-{time.monotonic_ns()}.out"
+        self._err = self._out.with_suffix(".err")
+        environ = {name: value for name, value in os.environ.items() if not name.startswith("AEROSKEIN_")}
+        environ["PYTHONPATH"] = os.pathsep.join([str(ROOT / "core"), str(ROOT / "service")])
+        with self._out.open("wb") as out, self._err.open("wb") as err:
+            self.popen = subprocess.Popen(
+                [sys.executable, "-c", "from aeroskein_service.cli import main; main()", *map(str, arguments)],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                env=environ,
+            )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.popen.poll() is None:
+            self.popen.kill()
+        self.popen.wait()
+
+    @property
+    def out(self) -> str:
+        """Standard output so far."""
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        """Standard error so far."""
+        return self._err.read_text()
+
+    def wait_for_err(self, text: str) -> None:
+        """Wait until standard error has a text."""
+        wait_until(lambda: text in self.err or self.popen.poll() is not None, f"{text!r} on standard error")
+        assert text in self.err, self.err
+
+    def signal(self, number: int) -> None:
+        """Send a signal."""
+        self.popen.send_signal(number)
+
+    def wait(self) -> int:
+        """Wait for the end; the exit status."""
+        return self.popen.wait(LIMIT_S)
+
+    def stop(self) -> int:
+        """End it as a supervisor does; the exit status."""
+        self.signal(signal.SIGTERM)
+        return self.wait()
+
+
+def is_running(pid: int) -> bool:
+    """Whether there is such a process that is no zombie."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state != "Z"
