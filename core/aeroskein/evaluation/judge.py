@@ -24,7 +24,7 @@ from aeroskein.evaluation.spread import percentile_interval, rms_interval
 from aeroskein.evaluation.timing import timing_of
 from aeroskein.evaluation.truth_curve import TruthCurve
 from aeroskein.evaluation.windows import Windows, is_held, windows_of
-from aeroskein.points import Product
+from aeroskein.points import Flag, Product
 
 __all__ = ["evaluate"]
 
@@ -111,6 +111,7 @@ def _product(points: PointColumns, matches: Matches, product: Product, case: _Ca
         accuracy=accuracy,
         rms_interval_m=rms_interval(size, residuals.flight, resamples=resamples, seed=seed),
         p95_interval_m=percentile_interval(size, residuals.flight, 95.0, resamples=resamples, seed=seed),
+        coasted=accuracy_of(residuals.take((residuals.flags & int(Flag.COASTED)) != 0)),
         phases=by_phase(residuals, curve.phases),
         flights=flights,
         worst_rms_m=worst_flight(flights),

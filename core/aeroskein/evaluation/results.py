@@ -62,6 +62,7 @@ class ProductEvaluation:
     accuracy: Accuracy
     rms_interval_m: Interval | None
     p95_interval_m: Interval | None
+    coasted: Accuracy
     phases: tuple[PhaseAccuracy, ...]
     flights: tuple[FlightResult, ...]
     worst_rms_m: Worst | None

@@ -36,6 +36,10 @@ __all__ = ["SensorReports", "Site", "evaluate_sensors", "reported_of"]
 _ROUNDS: Final = 3
 
 
+# A sensor's clock may be this far off and still tell when a flight was seen; the prior of a radar's time error is 1 s.
+_STAMP_ERROR_S: Final = 5.0
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """Where a radar stands. [deg, m above the ellipsoid]"""
@@ -68,6 +72,11 @@ def reported_of(reports: SensorReports, curve: TruthCurve) -> Reported:
     """When sensors spoke of each flight."""
     plots = reports.plots
     flight = flight_of_address(plots.address, curve)
+    safe = np.maximum(flight, 0)
+    # A report whose time is nonsense must not stretch the time in which its flight is judged.
+    if len(curve.names):
+        flight = np.where(plots.time_s < curve.start_s[safe] - _STAMP_ERROR_S, -1, flight)
+        flight = np.where(plots.time_s > curve.end_s[safe] + _STAMP_ERROR_S, -1, flight)
     rows = np.flatnonzero((flight >= 0) & np.isfinite(plots.time_s))
     first, last = np.full(len(curve.names), np.inf), np.full(len(curve.names), -np.inf)
     np.minimum.at(first, flight[rows], plots.time_s[rows])

@@ -168,7 +168,9 @@ def _rows(specs: Sequence[_Spec], columns: Sequence[Column]) -> tuple[Row, ...]:
 def _phase_rows(columns: Sequence[Column]) -> tuple[Row, ...]:
     by_column = [{phase.phase: phase.accuracy.horizontal_m for phase in c.product.phases} for c in columns]
     names = dict.fromkeys(name for phases in by_column for name in phases)
-    return tuple(Row(name, tuple(f.spread(phases.get(name)) for phases in by_column)) for name in names)
+    rows = [Row(name, tuple(f.spread(phases.get(name)) for phases in by_column)) for name in names]
+    rows.append(Row("coasted, whatever the phase", tuple(f.spread(c.product.coasted.horizontal_m) for c in columns)))
+    return tuple(rows)
 
 
 def _raw(sensors: Sequence[SensorEvaluation], columns: Sequence[Column]) -> Section:

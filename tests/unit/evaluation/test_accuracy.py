@@ -9,7 +9,7 @@ from tests.evaluation_scenes import START_S, points_on, truth_of
 
 from aeroskein.evaluation import EvaluationSettings, PointColumns, Truth, evaluate
 from aeroskein.evaluation.accuracy import COVERAGE_NEES
-from aeroskein.points import Product, Status
+from aeroskein.points import Flag, Product, Status
 
 FROM_START = EvaluationSettings(from_s=0.0)
 
@@ -284,3 +284,15 @@ def test_points_without_any_truth_are_counted_and_not_judged():
 
 def test_truth_without_points_names_every_flight():
     assert evaluate(PointColumns.of(0), truth_of(["3C6444"])).flights_without_points == ("3C6444",)
+
+
+def test_coasted_points_are_judged_with_the_others_and_once_more_apart():
+    truth = truth_of(seconds=99)
+    is_coasted = np.arange(100) >= 90
+    points = points_on(truth, east_m=np.where(is_coasted, 50.0, 5.0), flags=np.where(is_coasted, int(Flag.COASTED), 0))
+
+    product = only_product(points, truth)
+
+    assert product.accuracy.horizontal_m.count == 100
+    assert product.coasted.horizontal_m.count == 10
+    assert product.coasted.horizontal_m.rms == pytest.approx(50.0, rel=1e-6)

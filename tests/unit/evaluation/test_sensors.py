@@ -132,3 +132,14 @@ def test_one_curve_serves_several_files():
 
     assert first.products[0].accuracy.horizontal_m.rms == pytest.approx(3.0, rel=1e-6)
     assert second.products[0].accuracy.horizontal_m.rms == pytest.approx(4.0, rel=1e-6)
+
+
+def test_a_report_with_a_senseless_time_does_not_move_the_judged_time():
+    truth = truth_of(seconds=300)
+    seen = truth.time_s >= START_S + 100.0
+    plots = Plots.of(len(truth), address=truth.addresses[truth.flight], time_s=truth.time_s).take(seen)
+    plots.time_s[50] = 0.0
+
+    evaluation = evaluate(points_on(truth), truth, reports=SensorReports(plots, ("adsb",)), settings=FROM_START)
+
+    assert evaluation.products[0].judged == 201
