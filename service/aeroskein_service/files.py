@@ -7,14 +7,11 @@ type or value is a rejected report, as it would be on Zenoh.
 
 from __future__ import annotations
 
-import gzip
-import io
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import IO, Any, Final, cast
 
 import msgspec
 import numpy as np
@@ -26,11 +23,13 @@ from aeroskein_service.batch_decoder import lenient_json, read_report
 from aeroskein_service.messages import JSON, Report
 from aeroskein_service.report_columns import columns_of
 
-__all__ = ["FileNotes", "ReportChunk", "ReportFile", "open_input"]
+__all__ = ["FileNotes", "ReportChunk", "ReportFile", "pieces", "unpacked"]
 
 # A few thousand reports: long enough for columns to pay, short enough for the processor's cache. [bytes]
 CHUNK_BYTES: Final = 1_000_000
 READ_BYTES: Final = 1 << 18
+# zlib's name for its own format with the header of gzip and the largest window.
+GZIP: Final = zlib.MAX_WBITS | 16
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 # Broken lines that are named in the summary; the others are only counted.
 NAMED_LINES: Final = 10
@@ -133,22 +132,22 @@ class ReportFile:
             Gets the number of bytes of the file that have been read so far.
         """
         first = 1
-        with open_input(self.path) as (stream, position):
-            for block in self._blocks(stream):
+        with self.path.open("rb") as raw:
+            for block in self._blocks(unpacked(raw) if self.path.suffix == ".gz" else pieces(raw)):
                 yield self._chunk(block.removeprefix(BYTE_ORDER_MARK) if first == 1 else block, first)
                 first += block.count(b"\n")
                 if progress is not None:
-                    progress(position())
+                    progress(raw.tell())
 
-    def _blocks(self, stream: io.BufferedReader) -> Iterator[bytes]:
+    def _blocks(self, content: Iterator[bytes]) -> Iterator[bytes]:
         """Whole lines, about ``chunk_bytes`` at a time; the last line may lack its end."""
         parts: list[bytes] = []
         size, ended = 0, False
         while not ended:
             try:
-                data = stream.read1(READ_BYTES)
-            except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-                self.notes.cut_off = f"the packed data breaks off: {error}"
+                data = next(content, b"")
+            except (EOFError, zlib.error) as error:
+                self.notes.cut_off = f"the packed data breaks off ({error})"
                 data = b""
             ended = not data
             parts.append(data)
@@ -249,12 +248,25 @@ class ReportFile:
         return ReportChunk(plots, reasons, arrival_s)
 
 
-@contextmanager
-def open_input(path: Path) -> Iterator[tuple[io.BufferedReader, Callable[[], int]]]:
-    """Open a file for reading bytes, unpacked where its name ends in ``.gz``; also gives how far it has been read."""
-    with path.open("rb") as raw:
-        if path.suffix == ".gz":
-            unpacked = gzip.GzipFile(fileobj=raw)
-            yield io.BufferedReader(cast(io.RawIOBase, unpacked), READ_BYTES), raw.tell
-        else:
-            yield raw, raw.tell
+def pieces(raw: IO[bytes]) -> Iterator[bytes]:
+    """The content of a file, piece by piece."""
+    while data := raw.read(READ_BYTES):
+        yield data
+
+
+def unpacked(raw: IO[bytes]) -> Iterator[bytes]:
+    """The unpacked content of a gzip file, piece by piece, as far as it goes.
+
+    Python's ``gzip`` loses what it has unpacked when a file breaks off; this gives it out first. Raises ``EOFError``
+    where the end is missing and ``zlib.error`` where the data are damaged.
+    """
+    unpacker = zlib.decompressobj(GZIP)
+    for data in pieces(raw):
+        while data:
+            if unpacker.eof:  # files may be joined
+                unpacker = zlib.decompressobj(GZIP)
+            if content := unpacker.decompress(data):
+                yield content
+            data = unpacker.unused_data
+    if not unpacker.eof and raw.tell():
+        raise EOFError("its end is missing")

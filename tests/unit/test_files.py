@@ -180,6 +180,29 @@ def test_packed_file_that_was_cut_off_gives_what_is_there(tmp_path, kept):
     assert plots.lat_deg.tolist() == [line["lat_deg"] for line in lines[: len(plots)]]
 
 
+def test_packed_file_that_is_damaged_gives_what_stands_before(tmp_path):
+    rng = np.random.default_rng(1)
+    path = write(tmp_path / "r.jsonl.gz", [LINE | {"lat_deg": float(lat)} for lat in rng.uniform(-90, 90, 30_000)])
+    damaged = bytearray(path.read_bytes())
+    damaged[-1000:-900] = bytes(100)
+    path.write_bytes(damaged)
+
+    plots, _, file = read(path)
+
+    assert file.notes.cut_off is not None
+    assert len(plots) > 10_000
+
+
+def test_packed_files_may_be_joined(tmp_path):
+    path = write(tmp_path / "r.jsonl.gz", [LINE, LINE])
+    path.write_bytes(path.read_bytes() * 3)
+
+    plots, _, file = read(path)
+
+    assert len(plots) == 6
+    assert file.notes.cut_off is None
+
+
 def test_file_that_is_not_packed_though_it_says_so_is_cut_off_at_once(tmp_path):
     path = tmp_path / "r.jsonl.gz"
     path.write_bytes(json.dumps(LINE).encode())
