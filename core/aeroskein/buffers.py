@@ -78,7 +78,7 @@ class ReportBuffers:
         slots = reports.slot
         rank = ranks(slots)
         position = (self._written[slots] + rank) % self.depth
-        free = (self.rows[slots, position, TIME] <= settled_s) & (rank < self.depth)
+        free: Bools = (self.rows[slots, position, TIME] <= settled_s) & (rank < self.depth)
         kept = np.flatnonzero(free)
         # A refused report leaves no hole: positions are given again among those that are kept.
         if len(kept) < n:
@@ -95,11 +95,11 @@ class ReportBuffers:
     def holds(self, reports: Measurements) -> Bools:
         """Which reports are already there: same sensor, same time, same place. Shape ``(n,)``."""
         rows = self.rows[reports.slot]
-        same = np.abs(rows[:, :, TIME] - reports.time_s[:, None]) < SAME_TIME_S
+        same: Bools = np.abs(rows[:, :, TIME] - reports.time_s[:, None]) < SAME_TIME_S
         for name, value in (("east_m", reports.east_m), ("north_m", reports.north_m)):
             same &= np.abs(rows[:, :, COLUMNS.index(name)] - value[:, None]) < SAME_PLACE_M
         same &= rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None]
-        return same.any(axis=1)
+        return np.asarray(same.any(axis=1))
 
     def earliest(self, slots: Ints) -> tuple[Array, Array]:
         """Time ``(n,)`` and packed row ``(n, COLUMN_COUNT)`` of the oldest report in each ring, inf where empty. [s]"""

@@ -75,4 +75,5 @@ class Closed:
     def in_span(self) -> Bools:
         """Which reports lie in the element itself, ``(K, n)``."""
         time = self.window.time_s
-        return (self.window.kind == REPORT) & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])
+        inside: Bools = (self.window.kind == REPORT) & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])
+        return inside

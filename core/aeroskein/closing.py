@@ -197,4 +197,4 @@ def _windowed_max(window: Window) -> Array:
             break
         np.maximum(largest[:-shift], np.where(ahead, density[shift:], 0.0), out=largest[:-shift])
         np.maximum(largest[shift:], np.where(behind, density[:-shift], 0.0), out=largest[shift:])
-    return largest
+    return np.asarray(largest)

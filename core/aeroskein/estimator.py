@@ -9,35 +9,25 @@ The boundary lines gate first, in axes along and across the flight; then the sta
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein import kalman
 from aeroskein.closed import Estimate
+from aeroskein.elements import BOUNDARY_SIGMAS, boundary_half_width
 from aeroskein.gating import GATE, GateMemory
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.reasons import Reason
 from aeroskein.windows import CENTRE, REPORT, SETTLED, Window
 
-__all__ = ["boundary_half_width", "estimate"]
+__all__ = ["estimate"]
 
-# Boundary lines: four sigma of report and axis together, never narrower than a wake and a chord's bend need,
-# never wider than separation would bear. [sigma], [m]
-BOUNDARY_SIGMAS: Final = 4.0
-BOUNDARY_MIN_M: Final = 150.0
-BOUNDARY_MAX_M: Final = 3000.0
 # Below this an aircraft has no direction worth the name: hovering, or standing. [m/s]
 HOVER_MPS: Final = 15.0
 # A report that is believed in spite of its gate: the state may have been wrong for about this long. [s]
 ASTRAY_S: Final = 4.0
-
-
-def boundary_half_width(s_ee: Array, s_en: Array, s_nn: Array, across_e: Array, across_n: Array) -> Array:
-    """Half distance of the boundary lines from the covariance of report and axis together. [m]"""
-    variance = s_ee * across_e**2 + 2.0 * s_en * across_e * across_n + s_nn * across_n**2
-    return np.clip(BOUNDARY_SIGMAS * np.sqrt(np.maximum(variance, 0.0)), BOUNDARY_MIN_M, BOUNDARY_MAX_M)
 
 
 @dataclass(slots=True)
@@ -49,11 +39,50 @@ class _Step:
     updates: list[tuple[int, kalman.Gains]] = field(default_factory=list)
 
 
+class _Reports(NamedTuple):
+    """The columns of a window with harmless numbers where there is no report, ``(K, n)`` each."""
+
+    east: Array
+    north: Array
+    ree: Array
+    ren: Array
+    rnn: Array
+    time_variance: Array
+    v_east: Array
+    v_north: Array
+    velocity_variance: Array
+    is_report: Bools
+    has_velocity: Bools
+    sensor: Ints
+
+    @classmethod
+    def of(cls, w: Window) -> _Reports:
+        is_report = w.kind == REPORT
+        has_velocity = is_report & np.isfinite(w.velocity_variance)
+
+        def plain(column: Array, mask: Bools, otherwise: float = 0.0) -> Array:
+            return np.where(mask, column, otherwise)
+
+        return cls(
+            plain(w.east_m, is_report), plain(w.north_m, is_report),
+            plain(w.r_ee, is_report, 1.0), plain(w.r_en, is_report), plain(w.r_nn, is_report, 1.0),
+            plain(w.time_variance, is_report),
+            plain(w.v_east_mps, has_velocity), plain(w.v_north_mps, has_velocity),
+            plain(w.velocity_variance, has_velocity, 1.0),
+            is_report, has_velocity, w.sensor_index,
+        )  # fmt: skip
+
+    def round(self, k: int, m: int) -> _Reports:
+        """The k-th report of the first m lanes, ``(m,)`` columns."""
+        return _Reports._make(column[k, :m] for column in self)
+
+
 class _Forward:
     """The forward pass over one window."""
 
     def __init__(self, window: Window, x: Array, P: Array, t: Array, memory: GateMemory) -> None:
         self.window = window
+        self.reports = _Reports.of(window)
         self.x, self.P, self.t = x, P, t
         self.memory = memory
         self.steps: list[_Step] = []
@@ -61,83 +90,85 @@ class _Forward:
         self.centre_x, self.centre_P = x.copy(), P.copy()
         self.settled_x, self.settled_P = x.copy(), P.copy()
         self.settled_memory = memory.take(np.arange(n))
+        self._one_mark = ~(window.kind == SETTLED).any(axis=0)
         self.reason = np.zeros(window.kind.shape, dtype=np.uint8)
-        self.half_width = np.full(window.kind.shape, np.nan)
+        # Innovation covariances (ee, en, nn) and directions of flight, for the boundary lines.
+        self.innovation_cov = np.ones((3, *window.kind.shape))
+        self.velocity = np.ones((2, *window.kind.shape))
 
     def run(self, q: Array) -> None:
-        sensor = self.window.sensor_index
         for k, m in enumerate(self.window.active):
             x, P = self.x[:, :m], self.P[:, :m]
             time = self.window.time_s[k, :m]
             step = _Step(m, time - self.t[:m])
             kalman.predict(x, P, step.h, q[k, :m])
             self.t[:m] = time
-            kind = self.window.kind[k, :m]
-            is_report = kind == REPORT
-            if is_report.any():
-                self._update(k, m, x, P, sensor[k, :m], is_report, step)
-            self._mark(kind, x, P)
+            reports = self.reports.round(k, m)
+            if reports.is_report.any():
+                self._update(k, x, P, reports, step)
+            self._mark(self.window.kind[k, :m], x, P)
             self.steps.append(step)
 
-    def _update(self, k: int, m: int, x: Array, P: Array, sensor: Ints, is_report: Bools, step: _Step) -> None:
-        w = self.window
+    def _update(self, k: int, x: Array, P: Array, r: _Reports, step: _Step) -> None:
+        m = len(r.east)
         vx, vy = x[2], x[3]
-        tv = w.time_variance[k, :m]
-        r00 = w.r_ee[k, :m] + tv * vx * vx
-        r01 = w.r_en[k, :m] + tv * vx * vy
-        r11 = w.r_nn[k, :m] + tv * vy * vy
-        r00, r11 = np.where(is_report, r00, 1.0), np.where(is_report, r11, 1.0)
-        r01 = np.where(is_report, r01, 0.0)
-        z0 = np.where(is_report, w.east_m[k, :m], x[0])
-        z1 = np.where(is_report, w.north_m[k, :m], x[1])
-        i = kalman.innovation(x, P, 0, z0, z1, r00, r01, r11)
-        inside, half_width = self._inside(i, vx, vy)
-        trace = w.r_ee[k, :m] + w.r_nn[k, :m]
-        lanes = np.arange(m)
-        passes = inside & (i.d2 <= GATE)
-        opened = is_report & ~passes
-        if opened.any():
-            opened &= self.memory.opens(lanes, sensor, trace)
-            if opened.any():
-                _widen(P, i, opened)
-                i = kalman.innovation(x, P, 0, z0, z1, r00, r01, r11)
-        ok = is_report & (passes | opened)
-        self.reason[k, :m] = np.where(ok | ~is_report, 0, np.where(inside, Reason.OUTLIER, Reason.OUTSIDE_BOUNDARY))
-        self.half_width[k, :m] = np.where(is_report, half_width, np.nan)
-        noted = np.flatnonzero(is_report)
-        self.memory.note(noted, sensor[noted], trace[noted], ok[noted])
+        r00 = r.ree + r.time_variance * vx * vx
+        r01 = r.ren + r.time_variance * vx * vy
+        r11 = r.rnn + r.time_variance * vy * vy
+        i = kalman.innovation(x, P, 0, r.east, r.north, r00, r01, r11)
+        self.innovation_cov[:, k, :m] = i.c00, i.ell * i.c00, i.s + i.ell * i.ell * i.c00
+        self.velocity[:, k, :m] = vx, vy
+        ok = r.is_report & (i.d2 <= GATE)
+        # Within four sigma in every direction is within the boundary lines too; only the others need a look.
+        doubtful = np.flatnonzero(r.is_report & (i.d2 > BOUNDARY_SIGMAS**2))
+        if len(doubtful):
+            outside = doubtful[~self._inside(k, doubtful, i)]
+            ok[outside] = False
+            self.reason[k, :m] = np.where(r.is_report & ~ok, Reason.OUTLIER, 0)
+            self.reason[k, outside] = Reason.OUTSIDE_BOUNDARY
+        if len(doubtful) or self.memory.pending:
+            i = self._reopen(k, x, P, r, i, ok, (r00, r01, r11))
         step.updates.append((0, kalman.apply(x, P, i, ok)))
-        rv = w.velocity_variance[k, :m]
-        has_velocity = ok & np.isfinite(rv)
+        has_velocity = ok & r.has_velocity
         if has_velocity.any():
-            rv = np.where(has_velocity, rv + tv * (x[4] ** 2 + x[5] ** 2), 1.0)
-            iv = kalman.innovation(
-                x, P, 2,
-                np.where(has_velocity, w.v_east_mps[k, :m], x[2]),
-                np.where(has_velocity, w.v_north_mps[k, :m], x[3]),
-                rv, np.zeros(m), rv,
-            )  # fmt: skip
+            rv = r.velocity_variance + r.time_variance * (x[4] ** 2 + x[5] ** 2)
+            iv = kalman.innovation(x, P, 2, r.v_east, r.v_north, rv, np.zeros(m), rv)
             step.updates.append((2, kalman.apply(x, P, iv, has_velocity & (iv.d2 <= GATE))))
 
-    def _inside(self, i: kalman.Innovation, vx: Array, vy: Array) -> tuple[Bools, Array]:
-        """Between the boundary lines and not too far along; a disc where there is no direction."""
-        speed = np.hypot(vx, vy)
-        moving = speed >= HOVER_MPS
-        e0 = np.where(moving, vx / np.maximum(speed, HOVER_MPS), 1.0)
-        e1 = np.where(moving, vy / np.maximum(speed, HOVER_MPS), 0.0)
-        c01 = i.ell * i.c00
-        c11 = i.s + i.ell * c01
-        across = boundary_half_width(i.c00, c01, c11, -e1, e0)
-        along = boundary_half_width(i.c00, c01, c11, e0, e1)
-        offset_across = np.abs(-e1 * i.n0 + e0 * i.n1)
-        offset_along = np.abs(e0 * i.n0 + e1 * i.n1)
+    def _reopen(
+        self, k: int, x: Array, P: Array, r: _Reports, i: kalman.Innovation, ok: Bools, R: tuple[Array, ...]
+    ) -> kalman.Innovation:
+        """Believe sources that were refused too often (changes ``ok``), and remember what was refused."""
+        m = len(ok)
+        trace = r.ree + r.rnn
+        opened = r.is_report & ~ok & self.memory.opens(np.arange(m), r.sensor, trace)
+        if opened.any():
+            _widen(P, i, opened)
+            i = kalman.innovation(x, P, 0, r.east, r.north, *R)
+            ok |= opened
+            self.reason[k, :m][opened] = 0
+        noted = np.flatnonzero(r.is_report)
+        self.memory.note(noted, r.sensor[noted], trace[noted], ok[noted])
+        return i
+
+    def _inside(self, k: int, lanes: Ints, i: kalman.Innovation) -> Bools:
+        """Which of these lanes' reports lie between the boundary lines, and not too far along."""
+        vx, vy = self.velocity[:, k, lanes]
+        e0, e1, moving = _direction(vx, vy)
+        cov = self.innovation_cov[:, k, lanes]
+        across, along = _half_width(cov, -e1, e0), _half_width(cov, e0, e1)
+        offset_across = np.abs(-e1 * i.n0[lanes] + e0 * i.n1[lanes])
+        offset_along = np.abs(e0 * i.n0[lanes] + e1 * i.n1[lanes])
         disc = np.maximum(across, along)
-        inside = np.where(
-            moving,
-            (offset_across <= across) & (offset_along <= along),
-            offset_across**2 + offset_along**2 <= disc**2,
-        )
-        return inside, np.where(moving, across, disc)
+        between = (offset_across <= across) & (offset_along <= along)
+        return np.where(moving, between, np.hypot(offset_across, offset_along) <= disc)
+
+    def half_width(self) -> Array:
+        """Half distance of the boundary lines for each report, NaN where there is none, ``(K, n)``. [m]"""
+        e0, e1, moving = _direction(*self.velocity)
+        across = _half_width(self.innovation_cov, -e1, e0)
+        disc = np.maximum(across, _half_width(self.innovation_cov, e0, e1))
+        return np.where(self.reports.is_report, np.where(moving, across, disc), np.nan)
 
     def _mark(self, kind: NDArray[np.int8], x: Array, P: Array) -> None:
         at = np.flatnonzero(kind >= CENTRE)
@@ -146,15 +177,26 @@ class _Forward:
         centre = at[kind[at] == CENTRE]
         self.centre_x[:, centre] = x[:, centre]
         self.centre_P[:, centre] = P[:, centre]
-        # Where there is no mark of its own, the settled state is the one at the centre; a later mark overwrites.
-        settled = at[(kind[at] == SETTLED) | ((kind[at] == CENTRE) & self._one_mark[at])]
+        # Where the settled time has no mark of its own it is the centre.
+        settled = at[(kind[at] == SETTLED) | self._one_mark[at]]
         self.settled_x[:, settled] = x[:, settled]
         self.settled_P[:, settled] = P[:, settled]
         self.settled_memory.put(settled, self.memory.take(settled))
 
-    @property
-    def _one_mark(self) -> Bools:
-        return ~(self.window.kind == SETTLED).any(axis=0)
+
+def _direction(vx: Array, vy: Array) -> tuple[Array, Array, Bools]:
+    """Unit vector along the flight, and whether there is one: a hovering aircraft has none."""
+    speed = np.hypot(vx, vy)
+    moving = speed >= HOVER_MPS
+    at_least = np.maximum(speed, HOVER_MPS)
+    return np.where(moving, vx / at_least, 1.0), np.where(moving, vy / at_least, 0.0), moving
+
+
+def _half_width(cov: Array, e: Array, n: Array) -> Array:
+    """Half distance of the boundary lines from the covariance of report and axis together. [m]"""
+    no_bias = np.zeros((*e.shape, 2))
+    total = np.moveaxis(cov, 0, -1)
+    return boundary_half_width(total, np.zeros(3), np.stack([e, n], axis=-1), no_bias)
 
 
 def _widen(P: Array, i: kalman.Innovation, where: Bools) -> None:
@@ -204,5 +246,5 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
         forward.settled_P,
         forward.settled_memory,
         forward.reason,
-        forward.half_width,
+        forward.half_width(),
     )

@@ -140,7 +140,7 @@ def _patent(closed: Closed, half_width_m: float, chord: bool) -> Fused:
     between = between.T
     accepted = inside & between
     centres, _ = smallest_circles(points, accepted.T)
-    some = accepted.any(axis=0)
+    some: Bools = np.any(accepted, axis=0)
     position = np.where(some, centres.T, e.x[:2])
     along, _, _ = project_on_axis(position.T[:, None, :], axis)
     time = interpolate_on_axis(stations, times, along)[:, 0]

@@ -44,6 +44,11 @@ class GateMemory:
         self.misses[lanes] = memory.misses
         self.best_m2[lanes] = memory.best_m2
 
+    @property
+    def pending(self) -> bool:
+        """Whether any source is being refused, so that what is accepted must be remembered."""
+        return bool(self.misses.any())
+
     def opens(self, lanes: Ints, sensor: Ints, trace_m2: Array) -> Bools:
         """Where the next report of ``sensor`` ``(n,)`` with this accuracy ``(n,)`` [m²] is believed in any case."""
         return (self.misses[lanes, sensor] >= MISSES_TO_OPEN - 1) & (trace_m2 < self.best_m2[lanes, sensor])

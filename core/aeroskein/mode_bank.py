@@ -76,17 +76,21 @@ class ModeWork:
         x, P, mu = self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m]
         late = lag if (lag > 0.0).any() else None
         trace = r_ee + r_nn
-        opened = usable & self.memory.opens(np.arange(m), sensor, trace)
-        opened = self._widen(opened, x, P, (east, north, r_ee, r_en, r_nn, tv), late)
-        gate = np.where(opened, np.inf, GATE)
+        pending = self.memory.pending
+        gate: Array | float = GATE
+        if pending:
+            opened = usable & self.memory.opens(np.arange(m), sensor, trace)
+            opened = self._widen(opened, x, P, (east, north, r_ee, r_en, r_nn, tv), late)
+            gate = np.where(opened, np.inf, GATE)
         mu[...], ok, _, _ = manoeuvre.step(
             x, P, mu,
             z=np.stack([east, north, ve, vn]),
             base=np.stack([r_ee, r_en, r_nn]),
             time_variance=tv, velocity_variance=rv, lag=late, usable=usable, gate=gate,
         )  # fmt: skip
-        noted = np.flatnonzero(usable)
-        self.memory.note(noted, sensor[noted], trace[noted], ok[noted])
+        if pending or not ok[usable].all():
+            noted = np.flatnonzero(usable)
+            self.memory.note(noted, sensor[noted], trace[noted], ok[noted])
         return ok
 
     def _widen(self, opened: Bools, x: Array, P: Array, columns: tuple[Array, ...], lag: Array | None) -> Bools:
