@@ -95,3 +95,12 @@ def points_on(
         "vertical_rate_mps": truth.vertical_rate_mps,
     }
     return PointColumns.of(n, **(given | columns))
+
+
+def truth_and(first: Truth, second: Truth) -> Truth:
+    """Two truths as one; both name the same phases."""
+    columns = ("phase", "time_s", "lat_deg", "lon_deg", "height_m", "ground_speed_mps", "track_angle_deg")
+    joined = {name: np.concatenate([getattr(first, name), getattr(second, name)]) for name in columns}
+    joined["flight"] = np.concatenate([first.flight, second.flight + len(first.names)])
+    joined["vertical_rate_mps"] = np.concatenate([first.vertical_rate_mps, second.vertical_rate_mps])
+    return Truth.of(first.names + second.names, len(joined["time_s"]), phases=first.phases, **joined)

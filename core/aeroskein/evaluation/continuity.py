@@ -16,9 +16,8 @@ from aeroskein.evaluation.columns import PointColumns
 from aeroskein.evaluation.figures import Continuity, Gap, SpanCover, Worst
 from aeroskein.evaluation.grouping import expand_ranges
 from aeroskein.evaluation.truth_curve import TruthCurve
-from aeroskein.evaluation.windows import Windows
-from aeroskein.plots import Array, Bools, Ints
-from aeroskein.points import Flag, Status
+from aeroskein.evaluation.windows import Windows, is_update
+from aeroskein.plots import Array, Ints
 
 __all__ = [
     "INTERVALS_S",
@@ -27,7 +26,6 @@ __all__ = [
     "Updates",
     "continuity_of",
     "gaps_of",
-    "is_update",
     "span_cover",
     "updates_of",
 ]
@@ -55,12 +53,6 @@ class Updates:
 
     expected: Ints
     updated: Ints
-
-
-def is_update(points: PointColumns) -> Bools:
-    """Points that carry news: confirmed and not flagged as coasted, shape ``(n,)``."""
-    coasted = (points.flags & int(Flag.COASTED)) != 0
-    return np.asarray((points.status == int(Status.CONFIRMED)) & ~coasted)
 
 
 def updates_of(time_s: Array, flight: Ints, windows: Windows, curve: TruthCurve, interval_s: float) -> Updates:

@@ -222,6 +222,7 @@ class Identity:
     false_tracks: int
     false_tracks_flagged: int
     false_track_s: float
+    beyond_truth_s: float
     initiation: Delay
     address_correct: float | None
     callsign_correct: float | None

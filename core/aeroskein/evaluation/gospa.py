@@ -29,7 +29,8 @@ def gospa_terms(picture: Picture, cutoff_m: float) -> tuple[Ints, Array, Ints, I
 
     Notes
     -----
-    A track on a flight that is still settling, or no longer judged, counts neither way.
+    A track on a flight that is still settling, or no longer judged, counts neither way; nor does one that goes on after
+    the truth of its flight has ended.
     """
     steps = np.unique(picture.truth_step)
     if len(steps) == 0:
@@ -41,7 +42,8 @@ def gospa_terms(picture: Picture, cutoff_m: float) -> tuple[Ints, Array, Ints, I
     known = steps[place] == picture.step
     weight = np.where(on_judged & known, np.nan_to_num(picture.distance_m) ** 2, 0.0)
     square = np.bincount(place, weights=weight, minlength=len(steps))
-    false = np.bincount(place[known & (picture.flight < 0)], minlength=len(steps))
+    is_false = known & (picture.flight < 0) & ~picture.is_beyond
+    false = np.bincount(place[is_false], minlength=len(steps))
     return steps, square.astype(np.float64), missed.astype(np.int64), false.astype(np.int64)
 
 

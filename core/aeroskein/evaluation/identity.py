@@ -66,6 +66,7 @@ def identity_of(
         false_tracks=int(kind.sum()),
         false_tracks_flagged=int((kind & flagged).sum()),
         false_track_s=float(presences[kind].sum() * step_s),
+        beyond_truth_s=float(picture.is_beyond.sum() * step_s),
         initiation=delay_of(_initiation_s(points, held, flight, windows)),
         address_correct=_share(_addresses_right(points, picture, curve)),
         callsign_correct=_share(_callsigns_right(points, picture, curve)),
@@ -75,11 +76,11 @@ def identity_of(
 def false_tracks(points: PointColumns, picture: Picture) -> tuple[Bools, Ints, Bools]:
     """For every track number in the picture, ascending: whether it is false, its presences, whether it was flagged.
 
-    A track is false when most of the time no aircraft was within the cut-off; flagged when most of its points said
-    ``adsb_unverified`` or ``adsb_suspect``.
+    A track is false when most of the time no aircraft was within the cut-off; what it does after the truth of its
+    flight has ended does not count. It is flagged when most of its points said ``adsb_unverified`` or ``adsb_suspect``.
     """
     tracks, index = np.unique(picture.track_number, return_inverse=True)
-    presences = np.bincount(index, minlength=len(tracks))
+    presences = np.bincount(index[~picture.is_beyond], minlength=len(tracks))
     near = np.bincount(index, weights=picture.is_near, minlength=len(tracks))
     doubtful = (points.flags[picture.point] & int(Flag.ADSB_UNVERIFIED | Flag.ADSB_SUSPECT)) != 0
     warned = np.bincount(index, weights=doubtful, minlength=len(tracks))

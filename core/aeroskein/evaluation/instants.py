@@ -40,6 +40,8 @@ class Picture:
         To that flight, NaN where none. [m]
     is_near : (n,) bool
         Some flight was within the cut-off, assigned or not.
+    is_beyond : (n,) bool
+        No flight is near, and truth of the flight that the track was on last has ended: nobody knows.
     truth_step, truth_flight : (m,) int64
         Every flight at every step at which it is judged.
     truth_track : (m,) int64
@@ -52,6 +54,7 @@ class Picture:
     flight: Ints
     distance_m: Array
     is_near: Bools
+    is_beyond: Bools
     truth_step: Ints
     truth_flight: Ints
     truth_track: Ints
@@ -86,17 +89,29 @@ def picture_of(
     flight[owner[chosen]] = near.flight[pair[chosen]]
     distance[owner[chosen]] = near.distance_m[pair[chosen]]
     truth_step, truth_flight = _judged_flights(curve, windows, step_s)
+    track, is_near = points.track_number[point], np.bincount(owner, minlength=len(step)) > 0
+    last = _last_flight(track, flight)
     return Picture(
         step=step,
-        track_number=points.track_number[point],
+        track_number=track,
         point=point,
         flight=flight,
         distance_m=distance,
-        is_near=np.bincount(owner, minlength=len(step)) > 0,
+        is_near=is_near,
+        is_beyond=~is_near & (last >= 0) & ~curve.at(last, points.time_s[point]).valid,
         truth_step=truth_step,
         truth_flight=truth_flight,
-        truth_track=_lookup(truth_step, truth_flight, step, flight, points.track_number[point]),
+        truth_track=_lookup(truth_step, truth_flight, step, flight, track),
     )
+
+
+def _last_flight(track: Ints, flight: Ints) -> Ints:
+    """The flight that each track was last on, -1 before its first; rows are ordered by track, then step."""
+    row = np.arange(len(flight))
+    last = np.maximum.accumulate(np.where(flight >= 0, row, -1)) if len(row) else row
+    starts = group_starts(track)
+    first = np.repeat(starts[:-1], np.diff(starts))
+    return np.where(last >= first, flight[np.maximum(last, 0)], -1) if len(row) else row
 
 
 def _presences(points: PointColumns, rows: Ints, step_s: float) -> tuple[Ints, Ints]:

@@ -7,13 +7,13 @@ from typing import Final
 import numpy as np
 
 from aeroskein.evaluation.columns import PointColumns
-from aeroskein.evaluation.continuity import gaps_of, is_update, updates_of
+from aeroskein.evaluation.continuity import gaps_of, updates_of
 from aeroskein.evaluation.figures import Continuity, Identity, Timing
 from aeroskein.evaluation.grouping import run_lengths
 from aeroskein.evaluation.requirements import COLUMNS
 from aeroskein.evaluation.residuals import Residuals
 from aeroskein.evaluation.truth_curve import TruthCurve
-from aeroskein.evaluation.windows import Windows
+from aeroskein.evaluation.windows import Windows, is_update
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.units import FOOT_M, FOOT_PER_MINUTE_MPS
 

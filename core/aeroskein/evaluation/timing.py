@@ -6,7 +6,9 @@ import numpy as np
 
 from aeroskein.evaluation.columns import PointColumns
 from aeroskein.evaluation.figures import Delay, Timing
+from aeroskein.evaluation.windows import is_update
 from aeroskein.plots import Array
+from aeroskein.points import Status
 
 __all__ = ["delay_of", "timing_of"]
 
@@ -36,13 +38,15 @@ def timing_of(points: PointColumns) -> Timing:
     Timing
         ``seq`` figures are None where no point has a number. Each start of the service (``epoch``) counts for itself.
     """
-    order = np.lexsort((np.arange(len(points)), points.track_number, points.epoch))
+    # The last point of a track repeats the time before it, with the status "terminated": it is no news.
+    alive = np.flatnonzero(points.status != int(Status.TERMINATED))
+    order = alive[np.lexsort((alive, points.track_number[alive], points.epoch[alive]))]
     same = (np.diff(points.track_number[order]) == 0) & (np.diff(points.epoch[order]) == 0)
     step_s = np.diff(points.time_s[order])[same]
     missing, repeated = _numbers(points)
     return Timing(
         age=delay_of(points.published_s - points.time_s),
-        processing=delay_of(points.published_s - points.input_received_s),
+        processing=delay_of((points.published_s - points.input_received_s)[is_update(points)]),
         interval=delay_of(step_s),
         times_repeated=int(np.sum(np.abs(step_s) <= _SAME_TIME_S)),
         times_backwards=int(np.sum(step_s < -_SAME_TIME_S)),

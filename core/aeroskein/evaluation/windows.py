@@ -10,9 +10,9 @@ from aeroskein.evaluation.columns import PointColumns
 from aeroskein.evaluation.matching import Matches
 from aeroskein.evaluation.truth_curve import TruthCurve
 from aeroskein.plots import Array, Bools, Ints
-from aeroskein.points import Status
+from aeroskein.points import Flag, Status
 
-__all__ = ["Reported", "Windows", "is_held", "windows_of"]
+__all__ = ["Reported", "Windows", "is_held", "is_update", "windows_of"]
 
 
 @dataclass(slots=True, eq=False)
@@ -95,3 +95,9 @@ def windows_of(
 def is_held(points: PointColumns) -> Bools:
     """Points of tracks that are confirmed or coasting, shape ``(n,)``."""
     return np.asarray((points.status == int(Status.CONFIRMED)) | (points.status == int(Status.COASTING)))
+
+
+def is_update(points: PointColumns) -> Bools:
+    """Points that carry news: confirmed and not flagged as coasted, shape ``(n,)``."""
+    coasted = (points.flags & int(Flag.COASTED)) != 0
+    return np.asarray((points.status == int(Status.CONFIRMED)) & ~coasted)

@@ -112,6 +112,7 @@ _TRACKS: Final[tuple[_Spec, ...]] = (
     ("second tracks on an aircraft, share of time", lambda p: f.percent(p.identity.extra_track_ratio)),
     ("false tracks (of these flagged)", lambda p: f"{p.identity.false_tracks} ({p.identity.false_tracks_flagged})"),
     (" their time [s]", lambda p: f.number(p.identity.false_track_s)),
+    ("tracks after the end of truth [s]", lambda p: f.number(p.identity.beyond_truth_s)),
     ("first report to confirmed, median [s]", lambda p: f.number(p.identity.initiation.p50_s)),
     (" 95 %", lambda p: f.number(p.identity.initiation.p95_s)),
     ("address correct", lambda p: f.percent(p.identity.address_correct, 2)),

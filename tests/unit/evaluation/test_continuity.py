@@ -206,3 +206,22 @@ def test_groups_ranges_and_runs():
         [5, 6, 9, 10, 11],
     ]
     assert run_lengths(np.array([True, True, True, False, True]), group).tolist() == [2, 2, 1, 0, 1]
+
+
+def test_the_terminated_point_may_repeat_the_time_before_it():
+    truth = truth_of(seconds=9)
+    points = points_on(truth)
+    points.time_s[-1], points.status[-1] = points.time_s[-2], int(Status.TERMINATED)
+
+    assert only_product(points, truth).timing.times_repeated == 0
+
+
+def test_a_coasted_point_has_no_processing_time():
+    truth = truth_of(seconds=9)
+    status = np.where(np.arange(10) < 5, int(Status.CONFIRMED), int(Status.COASTING))
+    received_s = np.where(np.arange(10) < 5, truth.time_s + 0.9, START_S)
+
+    timing = only_product(points_on(truth, status=status, input_received_s=received_s), truth).timing
+
+    assert timing.processing.count == 5
+    assert timing.processing.max_s == pytest.approx(0.1, abs=1e-6)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
-from tests.evaluation_scenes import START_S, points_on, truth_of
+from tests.evaluation_scenes import START_S, points_on, truth_and, truth_of
 
 from aeroskein.evaluation import EvaluationSettings, PointColumns, Truth, TruthCurve, evaluate
 from aeroskein.evaluation.assignment import cheapest_assignment
@@ -191,3 +191,28 @@ def test_initiation_is_from_first_report_to_first_confirmed_point():
     points.span_s = np.stack([np.maximum(points.time_s - 7.0, START_S), points.time_s], axis=1)
 
     assert only_product(points, truth).identity.initiation.p50_s == pytest.approx(7.0)
+
+
+def test_a_track_that_coasts_after_the_truth_of_its_flight_has_ended_is_not_false():
+    whole = truth_of(["3C6444"], seconds=130)
+    truth = truth_of(["3C6444"], seconds=100)
+    other = truth_of(["4CA2D6"], seconds=130, lat_deg=50.0)
+    both = truth_and(truth, other)
+    others = points_on(other)
+    others.track_number[:] = 5
+
+    product = only_product(PointColumns.concatenate([points_on(whole), others]), both)
+
+    assert product.gospa.false_per_step == 0.0
+    assert product.identity.false_tracks == 0
+    assert product.identity.beyond_truth_s == pytest.approx(30.0, abs=5.0)
+
+
+def test_a_track_that_leaves_an_aircraft_that_is_still_there_is_false():
+    truth = truth_of(["3C6444"], seconds=100)
+    away = np.where(truth.time_s > START_S + 50.0, 30_000.0, 0.0)
+
+    product = only_product(points_on(truth, east_m=away, address=-1), truth)
+
+    assert product.gospa.false_per_step == pytest.approx(0.5, abs=0.06)
+    assert product.identity.beyond_truth_s == 0.0
