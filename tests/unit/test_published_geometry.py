@@ -22,7 +22,9 @@ def _worst_error_m(lat: float, distance_m: float) -> float:
     return float(np.hypot(x - e, y - n).max())
 
 
-@pytest.mark.parametrize(("distance_km", "error_m"), [(10, 13.6), (50, 172.0), (100, 601.0), (200, 2216.0)])
+@pytest.mark.parametrize(
+    ("distance_km", "error_m"), [(10, 13.6), (50, 172.0), (100, 601.0), (200, 2216.0), (400, 8396.0)]
+)
 def test_published_tile_is_this_far_off_at_latitude_30(distance_km: float, error_m: float) -> None:
     assert _worst_error_m(30.0, 1e3 * distance_km) == pytest.approx(error_m, rel=0.01)
 
