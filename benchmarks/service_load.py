@@ -41,7 +41,8 @@ SITES = {"radar1": (48.35, 11.78, 460.0), "radar2": (48.9, 12.9, 600.0)}
 PERIODS_S = {"adsb": 1.0, "radar1": 4.0, "radar2": 8.0}
 BATCH = 50
 TICK_S = 0.02
-WARM_UP_S = 10.0
+APPEAR_S = 8.0
+WARM_UP_S = 14.0
 SPREAD_M = 300_000.0
 M_PER_DEG = 111_320.0
 TICKS_PER_S = os.sysconf("SC_CLK_TCK")
@@ -71,6 +72,8 @@ class Fleet:
         self.height = rng.uniform(8_000.0, 12_000.0, n)
         self.angle = rng.uniform(0.0, 360.0, n)
         self.speed = rng.uniform(180.0, 250.0, n)
+        # Flights do not begin all in one second: neither do their elements.
+        self.appears_s = rng.uniform(0.0, APPEAR_S, n)
         self.phase = {sensor: rng.uniform(0.0, 1.0, n) for sensor in PERIODS_S}
         self.rng = rng
 
@@ -85,7 +88,7 @@ class Fleet:
         period, phase = PERIODS_S[sensor], self.phase[sensor]
         turn = np.ceil(start_s / period - phase)
         when = (turn + phase) * period
-        rows = np.flatnonzero((when >= start_s) & (when < end_s))
+        rows = np.flatnonzero((when >= start_s) & (when < end_s) & (when >= self.appears_s))
         rows = rows[np.argsort(when[rows])]
         return rows, when[rows]
 

@@ -39,7 +39,10 @@ TURN_BATCHES: Final = 100
 # Above this many reports in a turn the worker waits before the next one: at 20,000 aircraft 46 % of a core, not 67 %.
 LINGER_REPORTS: Final = 100
 LINGER_S: Final = 0.015
-TICK_S: Final = 0.1  # elements of many aircraft close together, which costs a tenth of closing them one by one
+# Elements of many aircraft close together, which costs a tenth of closing them one by one; and where a pass is slow the
+# next one comes later, so that time passing never takes more than a quarter of the worker.
+TICK_S: Final = 0.1
+REST: Final = 3.0
 # The engine's deadline moves with its input, so time also passes at least this often.
 PASS_S: Final = 0.25
 STATUS_S: Final = 1.0
@@ -85,7 +88,7 @@ class Runner:
         self._sensors = engine.settings.sensors
         self._started_s = self._next_status_s = clock()
         self._next_registration_s = self._next_snapshot_s = self._started_s
-        self._advanced_s = self._next_advance_s = self._started_s
+        self._advanced_s = self._rested_s = self._next_advance_s = self._started_s
         self._last_reports = 0
         self._delay_s = 0.0
         self._log = structlog.get_logger("aeroskein.runner")
@@ -139,9 +142,10 @@ class Runner:
         if now_s >= self._next_advance_s:
             self._advance(now_s)
         deadline_s = self._engine.next_deadline_s()
-        self._next_advance_s = (
-            inf if deadline_s is None else min(max(deadline_s, self._advanced_s + TICK_S), self._advanced_s + PASS_S)
-        )
+        if deadline_s is None:
+            self._next_advance_s = inf
+        else:
+            self._next_advance_s = max(self._rested_s, min(deadline_s, self._advanced_s + PASS_S))
         if arrivals:
             self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
         for question in self._inbox.questions():
@@ -153,8 +157,10 @@ class Runner:
         start_ns = perf_counter_ns()
         events = self._engine.advance(now_s=now_s)
         elements = sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
-        self._stages.add("advance", perf_counter_ns() - start_ns, elements)
+        spent_ns = perf_counter_ns() - start_ns
+        self._stages.add("advance", spent_ns, elements)
         self._advanced_s = now_s
+        self._rested_s = now_s + max(TICK_S, (1.0 + REST) * spent_ns * 1e-9)
         self._publish(events)
 
     def _drain(self) -> None:
