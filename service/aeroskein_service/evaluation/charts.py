@@ -1,20 +1,18 @@
-"""The pictures of all judged points together: as a distribution, by phase, over time, along and across, in age."""
+"""The pictures of all judged points together: as a distribution, by phase, over time, in age."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from html import escape
 from typing import Final
 
 import numpy as np
 
-from aeroskein.evaluation.accuracy import COVERAGE_NEES
 from aeroskein.evaluation.figures import SensorEvaluation, Spread
 from aeroskein.plots import Array, Bools, Ints
-from aeroskein_service.evaluation.formats import number, percent
+from aeroskein_service.evaluation.formats import number
 from aeroskein_service.evaluation.summary import Column
-from aeroskein_service.evaluation.svg import HALF, THIRD, Plot, same_scale
+from aeroskein_service.evaluation.svg import HALF, THIRD, Plot
 
 __all__ = [
     "age_curves",
@@ -22,9 +20,7 @@ __all__ = [
     "error_curves",
     "error_over_time",
     "interval_curves",
-    "nees_histogram",
     "phase_bars",
-    "scatter",
     "spread_bars",
     "tail_curves",
     "thinned",
@@ -35,12 +31,7 @@ COLOURS: Final = 6
 _TIME_BINS: Final = 40
 # With more columns than this, thin lines beside the bold ones only confuse.
 _COLUMNS_WITH_THIN: Final = 2
-_SCATTER_POINTS: Final = 1500
 _CURVE_POINTS: Final = 300
-_NEES_BINS: Final = 30
-_NEES_MAX: Final = 15.0
-# Radii of the ellipses that hold 50 and 95 % of a two-dimensional Gaussian. [sigma]
-_ELLIPSES: Final = ((math.sqrt(-2.0 * math.log(0.5)), "half"), (math.sqrt(COVERAGE_NEES), "full"))
 _BAR_PX: Final = 7.0
 
 
@@ -152,55 +143,6 @@ def error_over_time(columns: Sequence[Column], phase: str) -> str:
     return plot.svg()
 
 
-def scatter(column: Column, index: int) -> str:
-    """Errors along and across the track with the ellipses that would hold 50 and 95 % of them."""
-    residuals = column.product.residuals
-    known = np.isfinite(residuals.along_m)
-    along, across = residuals.along_m[known], residuals.across_m[known]
-    if not len(along):
-        return ""
-    reach = max(float(np.percentile(np.hypot(along, across), 99.5)), 1e-3)
-    x, y = same_scale(np.array([[-reach, -reach], [reach, reach]]), THIRD)
-    plot = Plot(
-        x, y, x_label="across track, right positive [m]", y_label="along track [m]",
-        title=f"Errors along and across the track, {column.name}", size=THIRD,
-    )  # fmt: skip
-    plot.rule(x=0.0, css="zero").rule(y=0.0, css="zero")
-    shown = thinned(len(along), _SCATTER_POINTS)
-    plot.dots(across[shown], along[shown], f"{colour(index)} faint")
-    if len(along) > 2:
-        for radius, css in _ELLIPSES:
-            plot.line(*_ellipse(across, along, radius), f"ellipse {css}")
-    return plot.svg()
-
-
-def nees_histogram(nees: Array, name: str, index: int) -> str:
-    """Density of the NEES against that of chi-square with two degrees of freedom; empty without covariances."""
-    known = nees[np.isfinite(nees)]
-    if not len(known):
-        return ""
-    edges = np.linspace(0.0, _NEES_MAX, _NEES_BINS + 1)
-    density = np.histogram(known, edges)[0] / (len(known) * (edges[1] - edges[0]))
-    x = np.linspace(0.0, _NEES_MAX, 100)
-    plot = Plot(
-        (0.0, _NEES_MAX), (0.0, max(float(density.max()), 0.5) * 1.08), x_label="NEES", y_label="density",
-        title=f"NEES of {name} against chi-square", size=THIRD,
-    )  # fmt: skip
-    plot.bars(edges[:-1], edges[1:], density, colour(index))
-    plot.line(x, 0.5 * np.exp(-0.5 * x), "truth")
-    words = [
-        f"95 % of χ²; here {percent(float(np.mean(known <= COVERAGE_NEES)))}",
-        f"mean {number(float(known.mean()))} (honest: 2)",
-    ]
-    beyond = float(np.mean(known > _NEES_MAX))
-    if beyond:
-        words.append(f"{percent(beyond, 2)} beyond {_NEES_MAX:g}")
-    plot.rule(x=COVERAGE_NEES)
-    for line, text in enumerate(words):
-        plot.text(COVERAGE_NEES + 0.3, plot.y.low * (0.05 + 0.07 * line) + plot.y.high * (0.95 - 0.07 * line), text)
-    return plot.svg()
-
-
 def age_curves(columns: Sequence[Column]) -> str:
     """Cumulative distribution of the age at publication; empty where no point says when it was published."""
     return _curves([c.product.residuals.age_s for c in columns], "age when published [s]", "Age when published")
@@ -281,12 +223,3 @@ def _distribution(value: Array) -> tuple[Array, Array]:
     ordered = np.sort(value)
     rows = thinned(len(ordered), _CURVE_POINTS)
     return ordered[rows], 100.0 * (rows + 1.0) / len(ordered)
-
-
-def _ellipse(x: Array, y: Array, radius: float) -> tuple[Array, Array]:
-    """The ellipse of a sample's mean and covariance."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    values, vectors = np.linalg.eigh(np.cov(x, y))
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    path = vectors @ (np.sqrt(np.maximum(values, 0.0))[:, None] * circle) * radius
-    return path[0] + float(x.mean()), path[1] + float(y.mean())

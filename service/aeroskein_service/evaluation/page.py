@@ -10,7 +10,7 @@ from typing import Final
 
 from aeroskein.evaluation import Evaluation, ProductEvaluation, TruthCurve
 from aeroskein.evaluation.figures import SensorEvaluation
-from aeroskein_service.evaluation import charts, flight_charts
+from aeroskein_service.evaluation import charts, covariance_charts, flight_charts
 from aeroskein_service.evaluation import formats as f
 from aeroskein_service.evaluation.requirement_table import requirement_table
 from aeroskein_service.evaluation.summary import Column, Section, columns_of, sections_of
@@ -137,9 +137,9 @@ def _honesty(columns: Sequence[Column]) -> str:
     cards = []
     for index, column in enumerate(columns):
         residuals = column.product.residuals
-        cards.append(_card(f"{column.name}: along and across", charts.scatter(column, index)))
+        cards.append(_card(f"{column.name}: along and across", covariance_charts.scatter(column, index)))
         for what, nees in (("position", residuals.position_nees), ("velocity", residuals.velocity_nees)):
-            picture = charts.nees_histogram(nees, f"{column.name} {what}", index)
+            picture = covariance_charts.nees_histogram(nees, f"{column.name} {what}", index)
             cards.append(_card(f"{column.name}: {what} NEES", picture))
     note = (
         "Ellipses hold 50 and 95 % of a Gaussian with this mean and spread. "
