@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from aeroskein import kalman
 from aeroskein.closed import Estimate
 from aeroskein.elements import BOUNDARY_SIGMAS, boundary_half_width
-from aeroskein.gating import GATE, GateMemory
+from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.reasons import Reason
 from aeroskein.windows import CENTRE, REPORT, SETTLED, Window
@@ -26,8 +26,6 @@ __all__ = ["estimate"]
 
 # Below this an aircraft has no direction worth the name: hovering, or standing. [m/s]
 HOVER_MPS: Final = 15.0
-# A report that is believed in spite of its gate: the state may have been wrong for about this long. [s]
-ASTRAY_S: Final = 4.0
 
 
 @dataclass(slots=True)
@@ -203,7 +201,7 @@ def _widen(P: Array, i: kalman.Innovation, where: Bools) -> None:
     """Widen position and velocity of lanes that have evidently gone astray, as process noise would."""
     off = np.where(where, i.n0**2 + i.n1**2, 0.0)
     P[[0, 7]] += off
-    P[[12, 17]] += off / ASTRAY_S**2
+    P[[12, 17]] += astray_velocity_variance(off)
 
 
 def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: GateMemory) -> Estimate:

@@ -14,13 +14,22 @@ from numpy.typing import NDArray
 
 from aeroskein.plots import Array, Bools, Ints
 
-__all__ = ["GATE", "GateMemory"]
+__all__ = ["GATE", "GateMemory", "astray_velocity_variance"]
 
 # Squared statistical distance in the plane beyond which a report is an outlier: six sigma. One good report in
 # 65 million lies outside; real tails are heavier, which is why it is not four.
 GATE: Final = 36.0
 # Refusals in a row after which a source is believed once.
 MISSES_TO_OPEN: Final = 4
+# A state that meets a report which is believed in spite of its gate may have been wrong for about this long, but not
+# by more than an aircraft's own speed: a wider velocity would let the next false report in as well. [s], [m/s]
+ASTRAY_S: Final = 4.0
+ASTRAY_MPS: Final = 250.0
+
+
+def astray_velocity_variance(off_m2: Array) -> Array:
+    """Variance of velocity to add where a state was off by the root of ``off_m2`` (any shape). [m²/s²]"""
+    return np.minimum(off_m2 / ASTRAY_S**2, ASTRAY_MPS**2)
 
 
 class GateMemory:
@@ -51,7 +60,7 @@ class GateMemory:
 
     def opens(self, lanes: Ints, sensor: Ints, trace_m2: Array) -> Bools:
         """Where the next report of ``sensor`` ``(n,)`` with this accuracy ``(n,)`` [m²] is believed in any case."""
-        return (self.misses[lanes, sensor] >= MISSES_TO_OPEN - 1) & (trace_m2 < self.best_m2[lanes, sensor])
+        return (self.misses[lanes, sensor] >= MISSES_TO_OPEN) & (trace_m2 < self.best_m2[lanes, sensor])
 
     def note(self, lanes: Ints, sensor: Ints, trace_m2: Array, accepted: Bools) -> None:
         """Remember what became of one report per lane; arrays ``(n,)``."""

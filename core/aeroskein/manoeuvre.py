@@ -94,6 +94,8 @@ def _reweigh(mu: Array, g: kalman.Gains) -> Array:
     updated = mu * np.exp(log_likelihood)
     updated /= updated.sum(axis=0)
     np.maximum(updated, LOWEST_PROBABILITY, out=updated)
+    # Probabilities that add up to a millionth more than one would move the mixture away from the origin by 5 cm.
+    updated /= updated.sum(axis=0)
     return np.where(g.ok, updated, mu)
 
 

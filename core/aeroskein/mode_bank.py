@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from aeroskein import kalman, manoeuvre
-from aeroskein.gating import GATE, GateMemory
+from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
 from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["ModeBank", "ModeWork"]
@@ -20,9 +20,6 @@ __all__ = ["ModeBank", "ModeWork"]
 _X: Final = 6 * manoeuvre.MODELS
 _P: Final = kalman.COVARIANCE_ROWS * manoeuvre.MODELS
 ROW: Final = _X + _P + manoeuvre.MODELS
-
-# A report that is believed in spite of its gate: the state may have been wrong for about this long. [s]
-ASTRAY_S: Final = 4.0
 
 
 class ModeWork:
@@ -112,7 +109,7 @@ class ModeWork:
         for row in (0, 7):
             P[row][:, at] += off
         for row in (12, 17):
-            P[row][:, at] += off / ASTRAY_S**2
+            P[row][:, at] += astray_velocity_variance(off)
         return opened
 
 
