@@ -101,13 +101,18 @@ class ReportBuffers:
         same &= rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None]
         return np.asarray(same.any(axis=1))
 
-    def earliest(self, slots: Ints) -> tuple[Array, Array]:
-        """Time ``(n,)`` and packed row ``(n, COLUMN_COUNT)`` of the oldest report in each ring, inf where empty. [s]"""
+    def earliest_s(self, slots: Ints) -> Array:
+        """Time of the oldest report in each ring, inf where empty, ``(n,)``. [s since the epoch]"""
+        times = self.rows[slots, :, TIME]
+        return np.asarray(np.where(np.isneginf(times), np.inf, times).min(axis=1))
+
+    def reports(self, slots: Ints, from_s: Array) -> Measurements:
+        """What the rings of these tracks hold from the given times ``(n,)`` on, sorted by slot, then time."""
         rows = self.rows[slots]
-        times = np.where(np.isneginf(rows[:, :, TIME]), np.inf, rows[:, :, TIME])
-        at = times.argmin(axis=1)
-        row = np.arange(len(slots))
-        return times[row, at], rows[row, at]
+        lane, place = np.nonzero(rows[:, :, TIME] >= from_s[:, None])
+        order = np.lexsort((rows[lane, place, TIME], slots[lane]))
+        packed = rows[lane, place][order]
+        return Measurements(slot=slots[lane][order], **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
 
 
 def ranks(sorted_groups: Ints) -> Ints:

@@ -19,6 +19,7 @@ import numpy as np
 
 from aeroskein import ageing, conversion, dispositions, fusion, snapshots
 from aeroskein.applied_biases import AppliedBiases
+from aeroskein.beginnings import first_believable
 from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.events import Event, RegistrationState, Rejections
 from aeroskein.intake import Batch, Intake, Verdicts
@@ -283,16 +284,32 @@ class FusionEngine:
         waiting = np.flatnonzero(state.tracks.used & (state.tracks.status == Status.CONFIRMED) & ~state.elements.open)
         if not len(waiting):
             return
-        first_s, packed = state.buffers.earliest(waiting)
-        ready = first_s + settings.watermark_s + settings.element_s <= now_s
-        waiting, packed = waiting[ready], packed[ready]
+        first_s = state.buffers.earliest_s(waiting)
+        waiting = waiting[first_s + settings.watermark_s + settings.element_s <= now_s]
         if not len(waiting):
             return
+        rings = state.buffers.rows[waiting]
+        begin = first_believable(rings)
+        packed = rings[np.arange(len(waiting)), begin]
         report = Measurements(slot=waiting, **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
         until = self._published_until_s
         known = [until.pop(int(a), -math.inf) for a in state.tracks.label[waiting]] if until else -math.inf
         x, P = first_state(report)
         state.elements.start(waiting, report.time_s, np.broadcast_to(known, len(waiting)), x, P)
+        self._restart_live(waiting[report.time_s > state.buffers.earliest_s(waiting)])
+
+    def _restart_live(self, slots: Ints) -> None:
+        """Live states of tracks that began with an outlier are made anew from what is buffered."""
+        if not len(slots):
+            return
+        state = self._state
+        reports = state.buffers.reports(slots, state.elements.settled_s[slots])
+        first = np.unique(reports.slot, return_index=True)[1]
+        begins = np.zeros(len(reports), dtype=np.bool_)
+        begins[first] = True
+        state.live.bank.time_s[slots] = -np.inf
+        state.live.start(reports.take(begins))
+        state.live.receive(reports, begins)
 
     def _close_rest(self, slots: Ints) -> list[Event]:
         """Close every element of these tracks that begins before their newest report."""

@@ -110,9 +110,10 @@ class _Forward:
     def _update(self, k: int, x: Array, P: Array, r: _Reports, step: _Step) -> None:
         m = len(r.east)
         vx, vy = x[2], x[3]
-        r00 = r.ree + r.time_variance * vx * vx
-        r01 = r.ren + r.time_variance * vx * vy
-        r11 = r.rnn + r.time_variance * vy * vy
+        # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
+        r00 = r.ree + r.time_variance * (vx * vx + P[12])
+        r01 = r.ren + r.time_variance * (vx * vy + P[13])
+        r11 = r.rnn + r.time_variance * (vy * vy + P[17])
         i = kalman.innovation(x, P, 0, r.east, r.north, r00, r01, r11)
         self.innovation_cov[:, k, :m] = i.c00, i.ell * i.c00, i.s + i.ell * i.ell * i.c00
         self.velocity[:, k, :m] = vx, vy

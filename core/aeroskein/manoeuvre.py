@@ -134,9 +134,10 @@ def step(
         Largest squared statistical distance of the nearest model.
     """
     vx, vy = x[2], x[3]
-    r00 = base[0] + time_variance * vx * vx
-    r01 = base[1] + time_variance * vx * vy
-    r11 = base[2] + time_variance * vy * vy
+    # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
+    r00 = base[0] + time_variance * (vx * vx + P[12])
+    r01 = base[1] + time_variance * (vx * vy + P[13])
+    r11 = base[2] + time_variance * (vy * vy + P[17])
     i = innovation(x, P, 0, z[0], z[1], r00, r01, r11, lag)
     nearest = i.d2.min(axis=0)
     ok = usable & (nearest <= gate)

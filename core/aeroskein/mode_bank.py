@@ -99,7 +99,7 @@ class ModeWork:
         xs, Ps = x[:, :, at], np.ascontiguousarray(P[:, :, at])
         i = manoeuvre.innovation(
             xs, Ps, 0, east, north,
-            r_ee + tv * xs[2] ** 2, r_en + tv * xs[2] * xs[3], r_nn + tv * xs[3] ** 2,
+            r_ee + tv * (xs[2] ** 2 + Ps[12]), r_en + tv * (xs[2] * xs[3] + Ps[13]), r_nn + tv * (xs[3] ** 2 + Ps[17]),
             None if lag is None else lag[at],
         )  # fmt: skip
         refused = i.d2.min(axis=0) > GATE
