@@ -16,7 +16,7 @@ import numpy as np
 
 from aeroskein.plots import Plots
 from aeroskein.points import FusedPoints, Product, Status
-from aeroskein_service.codec import PointEncoder, decode_batch, encode_batch, encode_feed
+from aeroskein_service.codec import PointEncoder, decode_batch, encode_batch, encode_feed, gather, open_batch
 from aeroskein_service.messages import FEED_POINTS, JSON, MSGPACK
 
 NOW_S = 1_790_000_000.0
@@ -112,6 +112,18 @@ def decoding(n: int, encoding: str) -> None:
     print(f"{kind:8} {n:5} reports  decode_batch, checked   {cost_us(decode, n):6.2f} us/report")
 
 
+def gathering(batches: int, reports: int) -> None:
+    """What the worker does with everything that has arrived."""
+    payload = encode_batch(adsb(reports), sensor_id="adsb", epoch=1, seq=2, sent_s=NOW_S)
+
+    def work() -> object:
+        opened = [open_batch(payload, MSGPACK, sensor_id="adsb") for _ in range(batches)]
+        return gather(opened, sensors=[0] * batches, received_s=[NOW_S] * batches)
+
+    n = batches * reports
+    print(f"msgpack  {n:5} reports  {batches} batches, gathered    {cost_us(work, n):6.2f} us/report")
+
+
 def encoding(n: int, product: Product) -> None:
     """Columns to fused points."""
     rows = points(n, product)
@@ -138,6 +150,7 @@ def main() -> None:
     for n in (1, 50, 500):
         decoding(n, MSGPACK)
     decoding(50, JSON)
+    gathering(11, 50)
     for n in (1, 50, 1000):
         encoding(n, Product.LIVE)
     encoding(1000, Product.ELEMENT)

@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from aeroskein.points import FusedPoints, Product
-from aeroskein_service.batch_decoder import DecodedBatch, decode_batch
+from aeroskein_service.batch_columns import DecodedBatch, decode_batch
 
 NOW_S = 1_790_000_000.0
 SENSORS = ("adsb", "radar1", "radar2")

@@ -1,4 +1,4 @@
-"""Report batches from bytes: one payload becomes columns, and what is wrong with it becomes counts, never an error.
+"""Report batches from bytes: one payload becomes reports, and what is wrong with it becomes counts, never an error.
 
 The fast path decodes the whole payload with one typed msgspec decoder. Only when that fails is the batch taken apart:
 first the envelope, whose faults cost the batch, then each report by itself, whose faults cost that report.
@@ -7,28 +7,23 @@ first the envelope, whose faults cost the batch, then each report by itself, who
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final, cast
 
 import msgspec
-import numpy as np
 
-from aeroskein.plots import Plots
 from aeroskein.reasons import Reason
 from aeroskein_service.messages import BATCH_REPORTS, JSON, MSGPACK, VERSION, Report, ReportBatch
-from aeroskein_service.report_columns import columns_of
 
-__all__ = ["DecodedBatch", "decode_batch", "lenient_json", "media_type", "read_report"]
+__all__ = ["OpenBatch", "lenient_json", "media_type", "open_batch", "read_report"]
 
 # 500 reports with every field are 250 kB of JSON; what is larger is refused before it is parsed. [bytes]
 PAYLOAD_BYTES: Final = 4_000_000
 
 # Everything a decoder can raise on bytes from outside: broken syntax, bad UTF-8, nesting without end, huge numbers.
 _DECODE_ERRORS: Final = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
-
-# Shared: nobody writes into no rows.
-_NO_PLOTS: Final = Plots.of(0)
 
 _DECODERS: Final[dict[str, Any]] = {
     MSGPACK: msgspec.msgpack.Decoder(ReportBatch),
@@ -48,16 +43,16 @@ class _Envelope(msgspec.Struct):
 
 
 @dataclass(slots=True)
-class DecodedBatch:
-    """What one payload contained.
+class OpenBatch:
+    """What one payload contained, before its reports become columns.
 
     Attributes
     ----------
-    plots : Plots
-        The good reports, in order.
+    reports : list of Report
+        Those of the right types, in order; their values have not been looked at.
     rejected : dict
-        How many were not good, by reason. ``BAD_CALLSIGN`` and ``BAD_MODE_A`` count fields that were dropped from a
-        report; all others count reports, and a batch that was rejected whole counts once.
+        How many were not, by reason. ``BAD_CALLSIGN`` and ``BAD_MODE_A`` count fields that were dropped from a report;
+        all others count reports, and a batch that was rejected whole counts once.
     epoch, seq : int or None
         The batch's place in its sensor's sequence; None where it could not be read.
     sent_s : float or None
@@ -66,17 +61,12 @@ class DecodedBatch:
         Why the whole batch was rejected, as one sentence; None where it was not.
     """
 
-    plots: Plots = _NO_PLOTS
+    reports: list[Report] = field(default_factory=list)
     rejected: dict[Reason, int] = field(default_factory=dict)
     epoch: int | None = None
     seq: int | None = None
     sent_s: float | None = None
     error: str | None = None
-
-    @property
-    def whole(self) -> bool:
-        """Whether the batch was rejected as a whole."""
-        return self.error is not None
 
 
 class _WholeBatchError(Exception):
@@ -92,9 +82,7 @@ def media_type(encoding: str) -> str:
     return encoding.partition(";")[0].strip().lower()
 
 
-def decode_batch(
-    payload: bytes, encoding: str, *, sensor_id: str, sensor_index: int, received_s: float
-) -> DecodedBatch:
+def open_batch(payload: bytes, encoding: str, *, sensor_id: str) -> OpenBatch:
     """Decode one report batch. Never raises: whatever is wrong comes back as counts and a sentence.
 
     Parameters
@@ -105,31 +93,17 @@ def decode_batch(
         As received, with or without ``;schema``.
     sensor_id : str
         The sensor in the key, which is the truth.
-    sensor_index : int
-        Its index in the configuration.
-    received_s : float
-        When the payload arrived. [s since the epoch]
     """
-    decoded = DecodedBatch()
+    batch = OpenBatch()
     try:
-        reports = _open(decoded, payload, encoding, sensor_id)
+        batch.reports = _open(batch, payload, encoding, sensor_id)
     except _WholeBatchError as error:
-        decoded.error = str(error)
-        decoded.rejected = {error.reason: 1}
-        return decoded
-    columns = columns_of(reports, received_s=received_s, sensor=sensor_index)
-    if columns.reasons.any():
-        _count(decoded.rejected, columns.reasons)
-        decoded.plots = columns.plots.take(columns.reasons == Reason.ACCEPTED)
-    else:
-        decoded.plots = columns.plots
-    for reason, bad in ((Reason.BAD_CALLSIGN, columns.bad_callsign), (Reason.BAD_MODE_A, columns.bad_mode_a)):
-        if bad is not None:
-            decoded.rejected[reason] = decoded.rejected.get(reason, 0) + int(bad.sum())
-    return decoded
+        batch.error = str(error)
+        batch.rejected = {error.reason: 1}
+    return batch
 
 
-def _open(decoded: DecodedBatch, payload: bytes, encoding: str, sensor_id: str) -> list[Report]:
+def _open(decoded: OpenBatch, payload: bytes, encoding: str, sensor_id: str) -> list[Report]:
     """Read envelope and reports; what is wrong with single reports is counted in ``decoded``."""
     decoder = _DECODERS.get(media_type(encoding))
     if decoder is None:
@@ -156,7 +130,7 @@ def _check_size(reports: int) -> None:
         raise _WholeBatchError(Reason.MALFORMED, "the batch has no reports")
 
 
-def _check_envelope(decoded: DecodedBatch, batch: ReportBatch | _Envelope, sensor_id: str) -> None:
+def _check_envelope(decoded: OpenBatch, batch: ReportBatch | _Envelope, sensor_id: str) -> None:
     if batch.version != VERSION or isinstance(batch.version, bool):
         raise _WholeBatchError(Reason.BAD_VERSION, f"version {_shown(batch.version)} is unknown, expected {VERSION}")
     for name in ("epoch", "seq"):
@@ -164,7 +138,7 @@ def _check_envelope(decoded: DecodedBatch, batch: ReportBatch | _Envelope, senso
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**63:
             raise _WholeBatchError(Reason.MALFORMED, f"{name} is {_shown(value)}, expected an integer of 0 or more")
     decoded.epoch, decoded.seq = batch.epoch, batch.seq
-    if isinstance(batch.sent_s, int | float) and not isinstance(batch.sent_s, bool) and abs(batch.sent_s) < np.inf:
+    if isinstance(batch.sent_s, int | float) and not isinstance(batch.sent_s, bool) and abs(batch.sent_s) < math.inf:
         decoded.sent_s = float(batch.sent_s)
     if batch.sensor is not None and batch.sensor != sensor_id:
         raise _WholeBatchError(
@@ -182,7 +156,7 @@ def _shown(value: object) -> str:
 
 
 # -- the slow path ---------------------------------------------------------------------------------------------------
-def _open_slowly(decoded: DecodedBatch, payload: bytes, kind: str, sensor_id: str) -> list[Report]:
+def _open_slowly(decoded: OpenBatch, payload: bytes, kind: str, sensor_id: str) -> list[Report]:
     """Take a batch apart that did not decode as a whole."""
     try:
         envelope, rows = _take_apart(payload, kind)
@@ -228,7 +202,7 @@ def lenient_json(payload: bytes) -> Any:
     return json.loads(payload.decode(), parse_int=lambda text: int(text) if len(text) < 20 else float(text))
 
 
-def _good(decoded: DecodedBatch, rows: Iterable[Any], kind: str) -> Iterable[Report]:
+def _good(decoded: OpenBatch, rows: Iterable[Any], kind: str) -> Iterable[Report]:
     for row in rows:
         report = read_report(row, kind, decoded.rejected)
         if isinstance(report, Report):
@@ -274,10 +248,3 @@ def read_report(row: Any, kind: str, dropped: dict[Reason, int]) -> Report | Rea
 
 def _first(error: BaseException) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0][:120]
-
-
-def _count(rejected: dict[Reason, int], reasons: np.ndarray) -> None:
-    for value, many in enumerate(np.bincount(reasons)):
-        if value and many:
-            reason = Reason(value)
-            rejected[reason] = rejected.get(reason, 0) + int(many)

@@ -22,7 +22,7 @@ from aeroskein.events import Dispositions, Event, RegistrationState, Rejections,
 from aeroskein.plots import Plots
 from aeroskein.points import FusedPoints, Product, Status
 from aeroskein.reasons import Reason
-from aeroskein_service.codec import decode_batch
+from aeroskein_service.codec import OpenBatch, gather, open_batch
 from aeroskein_service.complaints import Complaints
 from aeroskein_service.inbox import Arrival, Inbox
 from aeroskein_service.messages import VERSION
@@ -50,7 +50,7 @@ REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten s
 SNAPSHOT_S: Final = 10.0
 LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
 NO_PLOTS: Final = Plots.of(0)
-DRAIN_S: Final = 2.0  # what is queued at the end is worked on for this long, the rest counts as overload
+DRAIN_S: Final = 1.0  # what is queued at the end is worked on for this long, the rest counts as overload
 
 
 class Runner:
@@ -180,33 +180,35 @@ class Runner:
         if not arrivals:
             return NO_PLOTS
         start_ns = perf_counter_ns()
-        plots = Plots.concatenate([self._open(arrival) for arrival in arrivals])
+        opened = [(arrival, batch) for arrival in arrivals if (batch := self._open(arrival)) is not None]
+        gathered = gather(
+            [batch for _, batch in opened],
+            sensors=[arrival.sensor for arrival, _ in opened],
+            received_s=[arrival.received_s for arrival, _ in opened],
+        )
+        for (sensor, reason), many in gathered.rejected.items():
+            self._counters.reject(sensor, reason, many)
+        plots = gathered.plots
         self._stages.add("decode", perf_counter_ns() - start_ns, len(plots))
         if len(plots):
             self._counters.see(plots)
         return plots
 
-    def _open(self, arrival: Arrival) -> Plots:
-        """The good reports of one batch; the others are counted."""
+    def _open(self, arrival: Arrival) -> OpenBatch | None:
+        """One batch, whose faults are counted; None where it came before."""
         sensor, counters = arrival.sensor, self._counters
         counters.batches[sensor] += 1
-        batch = decode_batch(
-            arrival.payload,
-            arrival.encoding,
-            sensor_id=self._sensors[sensor].id,
-            sensor_index=sensor,
-            received_s=arrival.received_s,
-        )
+        batch = open_batch(arrival.payload, arrival.encoding, sensor_id=self._sensors[sensor].id)
         epoch, seq = batch.epoch, batch.seq
         # A batch that is rejected for its content still came: it leaves no hole.
         if epoch is not None and seq is not None and not counters.sequences[sensor].take(arrival.key, epoch, seq):
             counters.reject(sensor, Reason.DUPLICATE_BATCH)
-            return NO_PLOTS
+            return None
         for reason, many in batch.rejected.items():
             counters.reject(sensor, reason, many)
         if batch.error is not None:
             self._complaints.warn("batch_rejected", sensor=self._sensors[sensor].id, why=batch.error)
-        return batch.plots
+        return batch
 
     # -- out -----------------------------------------------------------------------------------------------------
     def _publish(self, events: Iterable[Event]) -> None:

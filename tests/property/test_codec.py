@@ -16,7 +16,17 @@ from tests.wire_samples import NOW_S, SENSORS, adsb_report, batch, decode, fused
 from aeroskein.plots import ON_GROUND, SIMULATED, SPI, Plots
 from aeroskein.points import FusedPoints, Product
 from aeroskein.reasons import Reason
-from aeroskein_service.codec import PointEncoder, decode_feed, decode_point, encode_batch, encode_feed, reports_of
+from aeroskein_service.codec import (
+    PointEncoder,
+    decode_batch,
+    decode_feed,
+    decode_point,
+    encode_batch,
+    encode_feed,
+    gather,
+    open_batch,
+    reports_of,
+)
 from aeroskein_service.messages import FLAG_NAMES, JSON, MSGPACK, STATUS_NAMES
 
 EPOCH = 1_790_000_000_123
@@ -127,6 +137,32 @@ def test_columns_that_are_encoded_again_decode_to_the_same_columns(reports, enco
 
     for name in Plots.__dataclass_fields__:
         np.testing.assert_array_equal(getattr(again, name), getattr(plots, name), err_msg=name)
+
+
+@given(
+    batches=st.lists(
+        st.tuples(st.lists(good_reports | _msgpack_values, min_size=1, max_size=3), st.integers(0, 2)), max_size=4
+    )
+)
+def test_batches_that_are_gathered_are_the_same_as_one_by_one(batches):
+    payloads = [pack(batch(reports, sensor=None)) for reports, _ in batches]
+    indices = [index for _, index in batches]
+    arrivals = [NOW_S + i for i in range(len(batches))]
+
+    opened = [open_batch(payload, MSGPACK, sensor_id="adsb") for payload in payloads]
+    together = gather(opened, sensors=indices, received_s=arrivals)
+    single = [
+        decode_batch(payload, MSGPACK, sensor_id="adsb", sensor_index=index, received_s=arrival_s)
+        for payload, index, arrival_s in zip(payloads, indices, arrivals, strict=True)
+    ]
+
+    expected = Plots.concatenate([one.plots for one in single])
+    for name in Plots.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(together.plots, name), getattr(expected, name), err_msg=name)
+    assert sum(together.rejected.values()) + sum(sum(b.rejected.values()) for b in opened) == sum(
+        sum(one.rejected.values()) for one in single
+    )
+    assert {index for index, _ in together.rejected} <= set(indices)
 
 
 @given(reports=st.lists(good_reports, max_size=4))
