@@ -82,6 +82,7 @@ class HealthServer:
         config = uvicorn.Config(
             application,
             log_config=None,
+            log_level="warning",
             access_log=False,
             lifespan="off",
             ws="none",

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 import numpy as np
+import structlog
 
 from aeroskein.engine import FusionEngine
 from aeroskein.errors import AeroskeinError
@@ -50,6 +51,7 @@ class Desk:
         self._encoding = encoder.content_type
         self._sensor_ids = tuple(sensor.id for sensor in engine.settings.sensors)
         self._controls = Controls(engine)
+        self._log = structlog.get_logger("aeroskein.queries")
         self._answers: dict[str, Callable[[Mapping[str, str], float], bytes]] = {}
 
     def keys(self, keys: Keys) -> list[str]:
@@ -70,6 +72,10 @@ class Desk:
             payload = self._answers[question.key](question.parameters, now_s)
         except AeroskeinError as error:
             question.refuse(str(error))
+        except Exception:
+            # A question must never end the fusion; what went wrong stands in the log.
+            self._log.exception("question_failed", key=question.key, parameters=question.parameters)
+            question.refuse("the service could not answer, its log says why")
         else:
             question.reply(payload, self._encoding)
 

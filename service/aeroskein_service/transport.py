@@ -7,6 +7,7 @@ callbacks get plain bytes, and a session always closes.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 import time
@@ -317,13 +318,13 @@ class Question:
         self.payload = None if query.payload is None else query.payload.to_bytes()
 
     def reply(self, payload: bytes, encoding: str) -> None:
-        """Answer."""
-        with self._query:
+        """Answer; whoever has stopped waiting is no error."""
+        with self._query, contextlib.suppress(zenoh.ZError):
             self._query.reply(self.key, payload, encoding=encoding)
 
     def refuse(self, sentence: str) -> None:
         """Say what is wrong with the question."""
-        with self._query:
+        with self._query, contextlib.suppress(zenoh.ZError):
             self._query.reply_err(sentence.encode(), encoding="text/plain")
 
 
@@ -354,6 +355,10 @@ class Router:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def declare_alive(self, key: str) -> None:
+        """Hold a liveliness token while the router runs."""
+        self._session.declare_alive(key)
 
     def close(self) -> None:
         """Disconnect everybody and stop listening."""

@@ -5,13 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
+from aeroskein_service.config import load_config
+from aeroskein_service.keys import Keys, default_instance
 from aeroskein_service.signals import end_within, stop_on_signals
 from aeroskein_service.transport import Router
 
 __all__ = ["run"]
 
-STOP_S = 4.8
+STOP_S: Final = 4.8
 
 
 def run(config: Path | None = None, listen: Sequence[str] = ()) -> int:
@@ -38,6 +41,9 @@ def run(config: Path | None = None, listen: Sequence[str] = ()) -> int:
     if config is None and not listen:
         listen = ("tcp/0.0.0.0:7447",)
     router = Router(listen=listen, config_file=config)
+    # Only the prefix is of interest, and only the environment can set it for a router.
+    prefix = load_config(sensors_required=False).zenoh.prefix
+    router.declare_alive(Keys(prefix).alive("router", default_instance()))
     print(f"routing at {', '.join(listen) or f'the endpoints of {config}'}", file=sys.stderr)
     stop.wait()
     timer = end_within(STOP_S)

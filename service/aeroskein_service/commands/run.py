@@ -9,6 +9,7 @@ from aeroskein.errors import AeroskeinError
 from aeroskein_service.config import Config
 from aeroskein_service.service import Service
 from aeroskein_service.signals import end_within, stop_on_signals
+from aeroskein_service.supervisor import notify, watchdog_period_s
 from aeroskein_service.transport import OpenCancelledError
 
 __all__ = ["run"]
@@ -48,8 +49,13 @@ def run(config: Config) -> int:
 
 
 def _watch(service: Service, stop: threading.Event) -> int:
-    """Wait for the end."""
-    while not stop.wait(LOOK_S):
+    """Wait for the end, and let the supervisor know how it goes."""
+    notify("READY=1")
+    period_s = watchdog_period_s()
+    while not stop.wait(LOOK_S if period_s is None else min(LOOK_S, period_s)):
         if service.failure is not None:
             raise WorkerError(f"the worker failed: {service.failure!r}")
+        if period_s is not None and not service.not_live():
+            notify("WATCHDOG=1")
+    notify("STOPPING=1")
     return 0
