@@ -31,8 +31,8 @@ class ListenError(AeroskeinError):
 def bind(listen: str) -> socket.socket:
     """A listening socket for ``host:port`` (port 0: a free one). Raises ``ListenError``."""
     host, _, port = listen.rpartition(":")
-    host = host.strip("[]") or "127.0.0.1"
-    if not port.isdigit() or int(port) > 65535:
+    host = host.strip("[]")
+    if not host or not port.isdigit() or int(port) > 65535:
         raise ListenError(f"http.listen: {listen!r} is no address, expected for example '127.0.0.1:8080'")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
