@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import subprocess
 import sys
@@ -215,6 +216,38 @@ def test_environment_changes_what_a_command_gets(called, report_file, monkeypatc
 def test_command_gets_its_options(called, arguments, expected):
     assert call(*arguments) == 0
     assert called == expected
+
+
+EVERY_OPTION = {
+    "demo": ["--real", "--duration", "1"],
+    "run": ["--config", CONFIG],
+    "router": ["--config", CONFIG, "--listen", "tcp/0:1"],
+    "simulate": ["--config", CONFIG, "--scenario", "hold", "--seed", "2", "--speed", "2", "--aircraft", "3",
+                 "--duration", "5", "--output", "x", "--sensor", "adsb", "--real"],
+    "web": ["--config", CONFIG, CONFIG],
+    "watch": ["--config", CONFIG, "--connect", "tcp/h:1", "--product", "live", "--track", "T000001", "--json"],
+    "fuse": ["--config", CONFIG, CONFIG, "--output", "x"],
+    "smooth": ["--config", CONFIG, CONFIG, "--output", "x", "--max-bad", "0"],
+    "filter": ["--config", CONFIG, CONFIG, "--sensor", "adsb", "--model", "ukf", "--smooth", "--output", "x"],
+    "evaluate": [CONFIG, "--truth", CONFIG, "--json"],
+    "record": ["--config", CONFIG, "--output", "x"],
+    "replay": ["--config", CONFIG, CONFIG],
+    "recover": [CONFIG, "--output", "x"],
+    "export": [CONFIG, "--output", "x"],
+    "health": ["--url", "http://h:1"],
+    "config": ["show", "--config", CONFIG],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_takes_what_the_command_line_gives_it(command, request):
+    module = pytest.importorskip(f"aeroskein_service.commands.{command}", exc_type=ModuleNotFoundError)
+    called = request.getfixturevalue("called")
+
+    assert call(command, *EVERY_OPTION[command]) == 0
+
+    assert called.pop("command") == command
+    inspect.signature(module.run).bind(**called)
 
 
 # -- config --------------------------------------------------------------------------------------------------------
