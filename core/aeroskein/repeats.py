@@ -68,21 +68,61 @@ class SensorMemory:
         n = len(slots)
         order = np.lexsort((np.arange(n), sensor, slots))
         s, k, t, p = slots[order], sensor[order], time_s[order], place[order]
-        first = np.ones(n, dtype=np.bool_)
-        first[1:] = (s[1:] != s[:-1]) | (k[1:] != k[:-1])
-        before_t = np.where(first, self.time_s[s, k], np.roll(t, 1))
-        before_p = np.where(first[:, None], self.place[s, k], np.roll(p, 1, axis=0))
+        memory_t, memory_p = self.time_s[s, k], self.place[s, k]
+        newest, last = _newest_before(s, k, t, memory_t)
+        before_t = np.where(newest < 0, memory_t, t[newest])
+        before_p = np.where((newest < 0)[:, None], memory_p, p[newest])
         same_place = (before_p == p).all(axis=1)
-        duplicate = same_place & (t == before_t)
+        duplicate = (same_place & (t == before_t)) | _repeated(s, k, t, p)
         moving = ~(speed_mps[order] < MOVING_MPS)
         stale = same_place & (t > before_t) & moving
         behind = (t <= before_t) & ~duplicate
-        last = np.ones(n, dtype=np.bool_)
-        last[:-1] = first[1:]
-        # The newest report of the group stays in memory, which need not be the one that came last.
-        newest = last & (t >= self.time_s[s, k])
-        self.time_s[s[newest], k[newest]] = t[newest]
-        self.place[s[newest], k[newest]] = p[newest]
+        self.time_s[s[last], k[last]] = t[last]
+        self.place[s[last], k[last]] = p[last]
         out = np.empty((3, n), dtype=np.bool_)
         out[:, order] = duplicate, stale, behind
         return out[0], out[1], out[2]
+
+
+def _newest_before(slots: Ints, sensor: NDArray[np.int16], time_s: Array, memory_s: Array) -> tuple[Ints, Ints]:
+    """The newest report that came before each, of the same track and sensor.
+
+    Parameters
+    ----------
+    slots, sensor, time_s : (n,) arrays
+        Reports sorted by track and sensor, within these in order of arrival.
+    memory_s : (n,) array
+        Time of the newest one remembered for that track and sensor.
+
+    Returns
+    -------
+    newest : (n,) int64
+        Row of the newest that came before, -1 where that is the one remembered.
+    last : (groups,) int64
+        Rows that are newer than everything else of their track and sensor, the remembered one included.
+    """
+    n = len(time_s)
+    first = np.ones(n, dtype=np.bool_)
+    first[1:] = (slots[1:] != slots[:-1]) | (sensor[1:] != sensor[:-1])
+    row = np.arange(n)
+    start = np.maximum.accumulate(np.where(first, row, 0))
+    # Ranks in place of times, so that a running maximum can be kept for every group at once.
+    rank = np.unique(np.concatenate([time_s, memory_s]), return_inverse=True)[1]
+    base = np.cumsum(first) * 2 * n
+    highest = np.maximum.accumulate(base + np.maximum(rank[:n], rank[n:]))
+    before = np.where(first, base + rank[n:], np.roll(highest, 1))
+    leads = np.maximum.accumulate(np.where(base + rank[:n] > before, row, -1))
+    newest = np.where(first, -1, np.roll(leads, 1))
+    ends = np.flatnonzero(np.append(first[1:], np.ones(min(n, 1), dtype=np.bool_)))
+    last = leads[ends]
+    return np.where(newest < start, -1, newest), last[last >= start[ends]]
+
+
+def _repeated(slots: Ints, sensor: NDArray[np.int16], time_s: Array, place: Array) -> Bools:
+    """Which reports, in order of arrival, equal an earlier one of the same call. Arrays ``(n,)``, place ``(n, 2)``."""
+    n = len(time_s)
+    columns = (place[:, 1], place[:, 0], time_s, sensor, slots)
+    order = np.lexsort((np.arange(n), *columns))
+    again = np.zeros(n, dtype=np.bool_)
+    again[order[1:]] = np.all([c[order[1:]] == c[order[:-1]] for c in columns], axis=0)
+    return again
