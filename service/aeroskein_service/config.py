@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, PrivateAttr, ValidationError, model_validator
 
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
+from aeroskein.ahp import pairwise_weights
 from aeroskein.errors import SettingsError, UnknownSensorError
 from aeroskein.settings import (
     AssociationSettings,
@@ -194,6 +195,7 @@ class Config(BaseModel):
     def _check(self) -> Self:
         if self.sensors:
             _ = self.engine
+        pairwise_weights(self.association.pairwise)  # refuses comparisons that contradict each other
         try:
             self.simulation.check_sensors(self.sensors)
         except UnknownSensorError as error:

@@ -166,6 +166,10 @@ WRONG = {
         "[association]\npairwise = [[1,2,2,2],[2,1,2,2],[2,2,1,2],[2,2,2,1]]",
         "association.pairwise: expected u_ji"
     ),
+    "comparisons in a circle": (
+        "[association]\npairwise = [[1,9,0.111111,1],[0.111111,1,9,1],[9,0.111111,1,1],[1,1,1,1]]",
+        "association.pairwise: ",
+    ),
     "section that is a value": ("[area]\n[fusion.mode]", "fusion.mode: expected"),
     "no TOML": ("[fusion", "is not valid TOML"),
 }  # fmt: skip
