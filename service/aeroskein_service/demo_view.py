@@ -66,14 +66,12 @@ class DemoView:
         """A table that moves, until ``stop`` is set or the time has come."""
         with Live(console=console, auto_refresh=False, transient=False) as live:
             while not _over(stop, ends_s, REDRAW_S):
-                self._take()
-                rows = max(console.height - FRAME_ROWS, 3)
-                parts: list[Table | Text] = [
-                    self._board.table(rows, self._headline()),
-                    self._radars(),
-                    self._remarks(),
-                ]
-                live.update(Group(*parts), refresh=True)
+                live.update(self.frame(max(console.height - FRAME_ROWS, 3)), refresh=True)
+
+    def frame(self, rows: int) -> Group:
+        """What there is to see now, with ``rows`` tracks at the most."""
+        self._take()
+        return Group(self._board.table(rows, self._headline()), self._radars(), self._remarks())
 
     def _headline(self) -> str:
         board = self._board
