@@ -21,6 +21,8 @@ __all__ = ["GATE", "GateMemory", "astray_velocity_variance"]
 GATE: Final = 36.0
 # Refusals in a row after which a source is believed once.
 MISSES_TO_OPEN: Final = 4
+# Counted no further: a source may be wrong for hours.
+MOST_MISSES: Final = 1000
 # A state that meets a report which is believed in spite of its gate may have been wrong for about this long, but not
 # by more than an aircraft's own speed: a wider velocity would let the next false report in as well. [s], [m/s]
 ASTRAY_S: Final = 4.0
@@ -69,7 +71,7 @@ class GateMemory:
         # What was accepted speaks against every source that is being refused.
         np.minimum(best, np.where(accepted, trace_m2, np.inf)[:, None], out=best)
         best[misses == 0] = np.inf
-        misses[row, sensor] = np.where(accepted, 0, misses[row, sensor] + 1)
+        misses[row, sensor] = np.where(accepted, 0, np.minimum(misses[row, sensor] + 1, MOST_MISSES))
         best[row[accepted], sensor[accepted]] = np.inf
         self.misses[lanes] = misses
         self.best_m2[lanes] = best

@@ -68,9 +68,12 @@ class MasterChoice:
         for s in range(last.shape[1]):
             of_sensor = accepted & (sensor == s)
             count = of_sensor.sum(axis=0)
-            first = np.where(of_sensor, time_s, np.inf).min(axis=0, initial=np.inf)
+            # Windows overlap: what an earlier element has counted is not counted again.
+            fresh = of_sensor & (time_s > last[:, s])
+            more = fresh.sum(axis=0)
+            first = np.where(fresh, time_s, np.inf).min(axis=0, initial=np.inf)
             silent = first - last[:, s] > self._silent_after_s[s]
-            run[:, s] = np.where(count > 0, np.where(silent, 0, run[:, s]) + count, run[:, s])
+            run[:, s] = np.where(more > 0, np.where(silent, 0, run[:, s]) + more, run[:, s])
             last[:, s] = np.maximum(last[:, s], np.where(of_sensor, time_s, -np.inf).max(axis=0, initial=-np.inf))
             mean = (trace_m2 * of_sensor).sum(axis=0) / np.maximum(count, 1)
             trace[:, s] = np.where(count > 0, mean, trace[:, s])
