@@ -321,6 +321,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = [argument for argument in given if argument != "--debug"]
     try:
         status = app(given, prog_name="aeroskein", standalone_mode=False)
+        sys.stdout.flush()
     except BaseException as error:
         if debug and not isinstance(error, SystemExit):
             raise
@@ -335,9 +336,9 @@ def _status_of(error: BaseException) -> int | str | None:
     if isinstance(error, KeyboardInterrupt | typer.Abort):
         return INTERRUPTED
     if isinstance(error, BrokenPipeError):
-        # Whoever read our output has enough; what is left in the buffer must not raise again at exit.
+        # Whoever read our output has gone; what is left in the buffer must not raise again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return DONE
+        return FAILED
     sentence, status = _sentence(error)
     print(f"aeroskein: {sentence}", file=sys.stderr)
     return status

@@ -150,6 +150,19 @@ def test_failure_is_one_sentence_and_a_status(called, capsys, error, status, sai
     assert "Traceback" not in shown
 
 
+@pytest.mark.parametrize("action", ["show", "schema"])
+def test_reader_that_goes_away_is_no_reason_for_a_traceback(action):
+    code = f"import sys; sys.argv = ['aeroskein', 'config', '{action}']; from aeroskein_service.cli import main; main()"
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+
+    said = process.stderr.read()
+    process.stderr.close()
+
+    assert process.wait(timeout=60) == 1
+    assert said == b""
+
+
 @pytest.mark.parametrize("arguments", [["--debug", "demo"], ["demo", "--debug"]])
 def test_debug_shows_where_wherever_it_stands(called, arguments):
     called["raises"] = ZeroDivisionError("division by zero")
