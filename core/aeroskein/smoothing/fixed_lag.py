@@ -88,6 +88,8 @@ class _Windows:
         self._settled = np.maximum(settled, first)
         self._instant = known - self._settled + 1
         self._elements = last - self._settled + 2
+        # An instant does not change the density of the step it divides: that is the next report's, if one is known.
+        self._ahead_s = np.where(last > known, time_s[np.minimum(known + 1, len(time_s) - 1)], at_s)
 
     def estimate(self) -> tuple[Array, Array]:
         """Forwards to the horizon and backwards to the instant."""
@@ -98,7 +100,7 @@ class _Windows:
             row, inside, is_instant = self._element(j)
             until_s = np.where(is_instant, self._at_s, self._measurements.time_s[row])
             dt_s = np.where(inside, until_s - time_s, 0.0)
-            density = np.where(inside, self._allowed(until_s), 0.0)
+            density = np.where(inside, self._allowed(np.where(is_instant, self._ahead_s, until_s)), 0.0)
             F, Q = motion.acceleration_transition(dt_s), motion.white_jerk_noise(dt_s, density)
             prior_x, prior_P = linear_gaussian.predict(x, P, F, Q)
             steps.append(_Step(x, P, F, prior_x, prior_P))

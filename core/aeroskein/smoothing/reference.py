@@ -14,6 +14,7 @@ import numpy as np
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.adsb_filter.start import start_states
 from aeroskein.adsb_filter.turning import bank_of, filter_turning
+from aeroskein.lanes import held_rows
 from aeroskein.measurements import Measurements
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.smoothing.detector import allowed_density, detect
@@ -151,7 +152,10 @@ def _whole(seen: Measurements, density: Array, at_flight: Ints, at_s: Array) -> 
     # Of one instant the report comes first, so that a flight still begins with one.
     order = np.lexsort((np.repeat([0, 1], [n, m]), both.time_s, both.slot))
     rows = both.take(order)
-    track = filter_forwards(rows, allowed_density(seen.time_s, seen.slot, rows.time_s, rows.slot, density))
+    # An instant does not change the density of the step it divides: that is the next report's, if there is one.
+    following = held_rows(rows.slot, np.repeat([True, False], [n, m])[order])[1]
+    step_end_s = rows.time_s[np.where(following >= 0, following, np.arange(n + m))]
+    track = filter_forwards(rows, allowed_density(seen.time_s, seen.slot, step_end_s, rows.slot, density))
     x, P = smooth_backwards(rows, track)
     place = np.empty(n + m, dtype=np.int64)
     place[order] = np.arange(n + m)
