@@ -6,6 +6,7 @@ track, its owner; a second track that carries the same address is a duplicate an
 
 from __future__ import annotations
 
+import re
 from typing import Final
 
 import numpy as np
@@ -21,6 +22,9 @@ __all__ = ["TrackTable"]
 # coasts when it has missed its fastest live sensor by half a period more than one. [periods]
 LIVE_PERIODS: Final = 2.5
 COAST_PERIODS: Final = 1.5
+# Key chunks of tracks: ``T`` and the number, or the address.
+NUMBER_LABEL: Final = re.compile("T[0-9]{6,18}")
+ADDRESS_LABEL: Final = re.compile("[0-9A-Fa-f]{6}")
 
 
 class TrackTable:
@@ -143,14 +147,14 @@ class TrackTable:
 
     def find(self, label: str) -> int | None:
         """Slot of the track with this key chunk, an address or ``T`` and the number; None where there is none."""
-        if label[:1] == "T" and label[1:].isdigit():
+        if NUMBER_LABEL.fullmatch(label):
             at = np.flatnonzero(self.used & (self.label < 0) & (self.number == int(label[1:])))
+        elif ADDRESS_LABEL.fullmatch(label):
+            at = np.flatnonzero(self.used & (self.label == int(label, 16)))
         else:
-            try:
-                at = np.flatnonzero(self.used & (self.label == int(label, 16)))
-            except ValueError:
-                return None
-        return int(at[-1]) if len(at) else None
+            return None
+        # An ended track keeps its slot for a while; the newest one of that name is meant.
+        return int(at[self.number[at].argmax()]) if len(at) else None
 
     def note(self, slots: Ints, raw: Plots, time_s: Array) -> None:
         """Remember what accepted reports ``(n,)`` say of identity, and when they came; sorted by slot, then time."""
