@@ -21,6 +21,8 @@ TIME: Final = COLUMNS.index("time_s")
 # Two reports of one sensor with the same time and place within this are the same report. [s], [m]
 SAME_TIME_S: Final = 1e-6
 SAME_PLACE_M: Final = 1e-3
+# What a sensor reported of a place is repeated to the last digit, but for rounding in a coding. [m], [deg]
+SAME_RAW: Final = 1e-6
 
 
 def ring_depth(settings: EngineSettings) -> int:
@@ -93,12 +95,16 @@ class ReportBuffers:
         return free
 
     def holds(self, reports: Measurements) -> Bools:
-        """Which reports are already there: same sensor, same time, same place. Shape ``(n,)``."""
+        """Which reports are already there: same sensor, same stamp, same place as it was said. Shape ``(n,)``."""
         rows = self.rows[reports.slot]
-        same: Bools = np.abs(rows[:, :, TIME] - reports.time_s[:, None]) < SAME_TIME_S
-        for name, value in (("east_m", reports.east_m), ("north_m", reports.north_m)):
-            same &= np.abs(rows[:, :, COLUMNS.index(name)] - value[:, None]) < SAME_PLACE_M
-        same &= rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None]
+
+        def near(names: tuple[str, ...], within: float) -> Bools:
+            close = [np.abs(rows[:, :, COLUMNS.index(n)] - getattr(reports, n)[:, None]) < within for n in names]
+            return np.asarray(np.all(close, axis=0))
+
+        same = near(("stamp_s",), SAME_TIME_S) & (rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None])
+        # A plot's place in the plane hangs on the height assumed for it, which may have changed meanwhile.
+        same &= near(("range_m", "azimuth_deg"), SAME_RAW) | near(("east_m", "north_m"), SAME_PLACE_M)
         return np.asarray(same.any(axis=1))
 
     def earliest_s(self, slots: Ints) -> Array:
