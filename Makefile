@@ -14,6 +14,9 @@ help:
 	@echo "make test       all tests"
 	@echo "make lint       ruff and mypy --strict"
 	@echo "make bench      accuracy and speed against other libraries"
+	@echo "make real-data  the recorded traffic, for demo-real and its test (56 MB)"
+	@echo "make lock       new locks after a change of dependencies"
+	@echo "make clean      remove everything that make has made"
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
@@ -54,12 +57,13 @@ bench: $(BENCH_STAMP)
 	$(BIN)/python -m benchmarks
 
 # Locks carry hashes and no index address; run this after a change of dependencies.
-lock:
-	$(PYTHON) -m pip install --quiet uv
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header pyproject.toml -o requirements.lock
-	printf 'hatchling\neditables\n' | uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header - -c requirements.lock -o requirements-build.lock
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --group dev -c requirements.lock -o requirements-dev.lock
-	uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --group bench -c requirements-dev.lock -o requirements-bench.lock
+UV_LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-header
+lock: | $(VENV)/bin/python
+	$(BIN)/pip install --quiet uv
+	$(UV_LOCK) pyproject.toml -o requirements.lock
+	printf 'hatchling\neditables\n' | $(UV_LOCK) - -c requirements.lock -o requirements-build.lock
+	$(UV_LOCK) --group dev -c requirements.lock -o requirements-dev.lock
+	$(UV_LOCK) --group bench -c requirements-dev.lock -o requirements-bench.lock
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
