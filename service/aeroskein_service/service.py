@@ -180,7 +180,7 @@ class Service:
             return []
         if runner.failure is not None:
             return [f"the worker failed: {runner.failure}"]
-        stuck_s = time.time() - runner.turned_s
+        stuck_s = time.monotonic() - runner.turned_s
         return [f"the worker has not turned for {stuck_s:.0f} s"] if stuck_s > STUCK_S else []
 
     def not_ready(self) -> list[str]:
