@@ -22,6 +22,8 @@ START_RATE_SIGMA_MPS: Final = 15.0
 # Squared distance beyond which an altitude is an outlier, and how many in a row are believed again.
 GATE: Final = 36.0
 MISSES_TO_RESTART: Final = 4
+# Altitudes of one element that may be outliers.
+MOST_OUTLIERS: Final = 3
 # A vertical state without any report for this long says nothing any more. [s]
 FORGET_S: Final = 60.0
 # Share of a new difference height minus altitude that is taken over once ten are known.
@@ -147,7 +149,8 @@ def fit_at(
     """Fit altitude and rate at the centres of elements to the reports around them.
 
     Each report counts with its own variance plus what the altitude may have wandered between it and the centre, so
-    that near reports decide and far ones support; one round drops outliers.
+    that near reports decide and far ones support. The worst outlier is left out and the rest fitted again, three times
+    at most: left out all at once, those that a gross error has drawn the fit away from would go as well.
 
     Parameters
     ----------
@@ -169,7 +172,8 @@ def fit_at(
     z, rate = np.where(has_value, value_m, 0.0), np.where(has_rate, rate_mps, 0.0)
     # Around a first guess, so that the sums keep their digits.
     middle = (w * z).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-12)
-    for _ in range(2):
+    lanes = np.arange(len(centre_s))
+    for left in range(MOST_OUTLIERS, -1, -1):
         a = w.sum(axis=0)
         b = (w * dt).sum(axis=0)
         c = (w * dt * dt).sum(axis=0) + u.sum(axis=0) + 1.0 / START_RATE_SIGMA_MPS**2
@@ -178,8 +182,11 @@ def fit_at(
         determinant = np.where(a > 0.0, a * c - b * b, 1.0)
         value = middle + (c * y0 - b * y1) / determinant
         slope = (a * y1 - b * y0) / determinant
-        residual = z - value - slope * dt
-        w = np.where(residual**2 * w <= GATE, w, 0.0) if _ == 0 else w
+        distance = (z - value - slope * dt) ** 2 * w
+        if left == 0 or not (distance > GATE).any():
+            break
+        worst = distance.argmax(axis=0)
+        w[worst, lanes] = np.where(distance[worst, lanes] > GATE, 0.0, w[worst, lanes])
     known = a > 0.0
     return (
         np.where(known, value, np.nan),
