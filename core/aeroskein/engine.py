@@ -2,8 +2,8 @@
 
 The only file that knows the order of the stages:
 
-    receive   intake -> registration -> identity -> place -> repeats -> buffers -> live filter -> live points
-    advance   start of elements -> closing -> master -> fusion -> element points -> coasting -> termination
+    receive   (receiving.py) intake -> calibration -> place -> identity -> repeats -> buffers -> live -> live points
+    advance   start of elements -> closing -> master -> fusion -> element points -> registration -> ageing
 
 Time is an argument; what happened comes back as events, in columns.
 """
@@ -17,22 +17,20 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from aeroskein import ageing, conversion, dispositions, fusion, snapshots
+from aeroskein import ageing, dispositions, fusion, snapshots
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.beginnings import first_believable
 from aeroskein.engine_state import EngineState, StageClock
-from aeroskein.events import Event, RegistrationState, Rejections
-from aeroskein.intake import Batch, Intake, Verdicts
+from aeroskein.events import Event, RegistrationState
 from aeroskein.live import first_state
 from aeroskein.measurements import COLUMNS, Measurements
-from aeroskein.plots import Array, Bools, Ints, Plots
+from aeroskein.plots import Array, Ints, Plots
 from aeroskein.points import FusedPoints, Product, Status
 from aeroskein.publishing import element_points, element_vertical, live_points, live_state
-from aeroskein.reasons import Reason
+from aeroskein.receiving import Receiver
 from aeroskein.recentring import recentre
 from aeroskein.references import ReferenceSampler, compare
 from aeroskein.registration import Registration
-from aeroskein.repeats import is_implausible
 from aeroskein.selection import Selection
 from aeroskein.settings import EngineSettings
 from aeroskein.windows import REPORT
@@ -79,15 +77,15 @@ class FusionEngine:
         self.epoch_ms = epoch_ms
         self.want_dispositions = False
         self._state = EngineState(settings, first_track_number)
-        self._intake = Intake(settings)
         self._registration = Registration(settings)
-        self._biases = AppliedBiases(*self._registration.table())
         self._sampler = ReferenceSampler(len(settings.sensors))
         self._slow_s = -math.inf
         # End of the last element that was published before a restart, by address. [s since the epoch]
         self._published_until_s: dict[int, float] = {}
         self._now_s = 0.0
+        self._advanced_s = -math.inf
         self._clock = StageClock(stopwatch_s)
+        self._receiver = Receiver(self._state, AppliedBiases(*self._registration.table()), self._clock)
 
     # -- input ---------------------------------------------------------------------------------
     def receive(self, plots: Plots, *, now_s: float) -> list[Event]:
@@ -97,150 +95,20 @@ class FusionEngine:
         self._now_s = now_s
         self._clock.start()
         self._begin_block()
-        # Against the clock at its arrival: what a report waited for its turn since is not its fault.
-        verdicts = self._intake.check(plots, np.fmin(plots.received_s, now_s))
-        rows = np.flatnonzero(verdicts.reason == 0)
-        self._clock.lap("intake", len(plots))
-        events = self._take_in(plots, rows, verdicts, now_s) if len(rows) else []
-        events.append(Rejections(verdicts.counts(plots.sensor, len(self.settings.sensors))))
-        if self.want_dispositions:
-            events.append(dispositions.of_batch(plots, verdicts, self._state.tracks))
-        return events
+        return self._receiver.receive(plots, now_s, want_dispositions=self.want_dispositions)
 
     def _begin_block(self) -> None:
         """What has been learned is applied to reports stamped from the next full ten seconds on."""
         state = self._state
         if state.block.begins(self._now_s):
             state.offsets.begin_block()
-            self._biases.begin_block(*self._registration.table())
-
-    def _take_in(self, plots: Plots, rows: Ints, verdicts: Verdicts, now_s: float) -> list[Event]:
-        """Give checked reports to their tracks, filter, and publish live."""
-        state = self._state
-        batch = self._placed(plots if len(rows) == len(plots) else plots.take(rows), rows)
-        state.reports.add(now_s, batch.raw, batch.located.lat_deg, batch.located.lon_deg)
-        batch = batch.without(batch.raw.address < 0, Reason.UNASSOCIATED, verdicts)
-        batch = batch.without(~batch.located.feasible, Reason.IMPLAUSIBLE, verdicts)
-        self._open_tracks(batch)
-        verdicts.slot[batch.rows] = batch.slot
-        self._clock.lap("place", len(rows))
-        batch = self._unrepeated(batch, verdicts)
-        batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
-        reports = self._measured(batch)
-        room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
-        batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
-        self._clock.lap("buffer", len(rows))
-        if not len(batch):
-            return []
-        begins = self._begin_states(reports)
-        accepted = state.live.receive(reports, begins)
-        self._clock.lap("live", len(rows))
-        fresh = np.unique(reports.slot[begins])
-        batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
-        return self._after_receive(batch, reports, fresh, now_s)
-
-    def _placed(self, raw: Plots, rows: Ints) -> Batch:
-        """Correct, identify and locate reports; a radar plot's height is its own altitude, else its track's."""
-        state, plots = self._state, self._corrected(raw)
-        slot = state.tracks.owner(plots.address)
-        known = slot >= 0
-        at = np.where(known, slot, 0)
-        before = state.block.before(raw.time_s)
-        offset, sigma = state.offsets.applied(slot, state.tracks.frame[at], before)
-        geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
-        blind = np.isnan(geometric) & known
-        if blind.any():
-            geometric[blind] = state.live.vertical.at(at[blind], plots.time_s[blind])[1]
-        located = conversion.locate(plots, state.sensors, geometric, sigma, self._biases.sigmas(raw.sensor, before))
-        return Batch(rows, raw, plots, located, slot)
-
-    def _corrected(self, raw: Plots) -> Plots:
-        if not self._state.sensors.is_radar[raw.sensor].any():
-            return raw
-        return self._biases.correct(raw, self._state.block.before(raw.time_s))
-
-    def _open_tracks(self, batch: Batch) -> None:
-        """Begin a track for every address that has none; fills in ``slot``."""
-        fresh = np.flatnonzero(batch.slot < 0)
-        if not len(fresh):
-            return
-        state, address = self._state, batch.plots.address
-        # The earliest report of each new address places its track.
-        fresh = fresh[np.lexsort((batch.plots.time_s[fresh], address[fresh]))]
-        addresses, first = np.unique(address[fresh], return_index=True)
-        state.make_room(len(addresses))
-        new = state.tracks.open(addresses, np.ones(len(addresses), dtype=np.bool_))
-        began = fresh[first]
-        state.tracks.frame[new] = state.frames.near(batch.located.lat_deg[began], batch.located.lon_deg[began])
-        state.offsets.make_frames(len(state.frames.rows))
-        state.clear(new)
-        batch.slot[fresh] = new[np.searchsorted(addresses, address[fresh])]
-
-    def _measured(self, batch: Batch) -> Measurements:
-        state = self._state
-        frames = state.frames.rows[state.tracks.frame[batch.slot]]
-        raw = batch.raw
-        left = self._biases.sigmas(raw.sensor, state.block.before(raw.time_s))[:, 2]
-        time_sigma_s = np.hypot(state.sensors.time_sigma_s[raw.sensor], left)
-        return conversion.measure(raw, batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
-
-    def _unrepeated(self, batch: Batch, verdicts: Verdicts) -> Batch:
-        """Refuse implausible, late, duplicate and stale reports."""
-        state = self._state
-        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
-        reports = self._measured(batch)
-        slot, bank = batch.slot, state.live.bank
-        known = np.isfinite(bank.time_s[slot])
-        east, north, v_east, v_north = bank.steady(slot)
-        elapsed = np.where(known, reports.time_s - bank.time_s[slot], 0.0)
-        away = np.hypot(reports.east_m - east, reports.north_m - north)
-        implausible = known & is_implausible(away, elapsed)
-        radar = state.sensors.is_radar[batch.raw.sensor] & np.isfinite(batch.raw.range_m)
-        place = np.stack(
-            [
-                np.where(radar, batch.raw.range_m, batch.raw.lat_deg),
-                np.where(radar, batch.raw.azimuth_deg, batch.raw.lon_deg),
-            ],
-            axis=1,
-        )
-        speed = np.where(known, np.hypot(v_east, v_north), batch.raw.ground_speed_mps)
-        duplicate, stale, behind = state.memory.compare(slot, batch.raw.sensor, batch.raw.time_s, place, speed)
-        at = np.flatnonzero(behind)
-        duplicate[at] |= state.buffers.holds(reports.take(at))
-        for where, reason in ((implausible, Reason.IMPLAUSIBLE), (stale, Reason.STALE), (duplicate, Reason.DUPLICATE)):
-            verdicts.reason[batch.rows[where]] = reason
-        return batch.take(~(implausible | stale | duplicate))
-
-    def _begin_states(self, reports: Measurements) -> Bools:
-        """Live states of tracks whose first usable report is here; returns which reports those are."""
-        begins = np.isneginf(self._state.live.bank.time_s[reports.slot])
-        if begins.any():
-            first = np.zeros(len(reports), dtype=np.bool_)
-            first[np.unique(reports.slot, return_index=True)[1]] = True
-            begins &= first
-            self._state.live.start(reports.take(begins))
-        return begins
-
-    def _after_receive(self, batch: Batch, reports: Measurements, fresh: Ints, now_s: float) -> list[Event]:
-        """Identity, status and counts of tracks that got reports; registration; live points."""
-        state, raw, slot = self._state, batch.raw, batch.slot
-        state.tracks.note(slot, raw, reports.time_s)
-        slots = np.unique(slot)
-        events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
-        self._clock.lap("tracks", len(batch))
-        if self.settings.fusion.live:
-            time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
-            ahead = time > state.live.published_s[slots]
-            if ahead.any():
-                events.append(live_points(state, slots[ahead], time[ahead]))
-            self._clock.lap("live points", int(ahead.sum()))
-        return events
+            self._receiver.biases.begin_block(*self._registration.table())
 
     # -- time ----------------------------------------------------------------------------------
     def advance(self, *, now_s: float) -> list[Event]:
         """Let time pass: start and close elements behind the watermark, coast, terminate."""
         state, events = self._state, list[Event]()
-        self._now_s = now_s
+        self._now_s = self._advanced_s = now_s
         self._clock.start()
         self._start_elements(now_s)
         while True:
@@ -361,7 +229,7 @@ class FusionEngine:
         if not len(active):
             return None
         due = float(state.elements.due_s.min(initial=math.inf))
-        return min(due, self._now_s + ageing.COAST_PERIOD_S)
+        return min(due, self._advanced_s + ageing.COAST_PERIOD_S)
 
     @property
     def next_track_number(self) -> int:
@@ -418,8 +286,8 @@ class FusionEngine:
     def control_sensor(self, sensor_id: str, on: bool) -> bool:
         """Switch a sensor's reports on or off; returns what is now in force."""
         index = self.settings.sensor_index(sensor_id)
-        self._intake.sensor_on[index] = on
-        return bool(self._intake.sensor_on[index])
+        self._receiver.intake.sensor_on[index] = on
+        return bool(self._receiver.intake.sensor_on[index])
 
     # -- state that survives a restart ---------------------------------------------------------
     def snapshot(self) -> bytes:
@@ -434,4 +302,4 @@ class FusionEngine:
         """Take a snapshot over. Raises ``SnapshotError``."""
         registration, self._published_until_s = snapshots.unpack(data)
         self._registration.restore(registration)
-        self._biases.replace(*self._registration.table())
+        self._receiver.biases.replace(*self._registration.table())

@@ -50,16 +50,17 @@ class EngineState:
         self.reports = ReportLog()
         self.element_log = ElementLog(SLOW_ELEMENTS * settings.fusion.element_s)
 
-    def make_room(self, n: int) -> None:
-        """See to it that ``n`` more tracks have slots."""
+    def make_room(self, n: int) -> bool:
+        """See to it that ``n`` more tracks have slots; returns whether there are more slots now."""
         capacity = self.tracks.room_for(n)
         more = capacity - self.tracks.capacity
         if more == 0:
-            return
+            return False
         for part in (self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters, self.offsets):
             part.grow(capacity)
         self.seq = np.concatenate([self.seq, np.zeros((len(Product), more), dtype=np.int64)], axis=1)
         self.coasted_s = np.concatenate([self.coasted_s, np.full(more, -np.inf)])
+        return True
 
     def clear(self, slots: Ints) -> None:
         """Make the slots of new tracks blank."""

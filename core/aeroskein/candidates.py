@@ -1,0 +1,107 @@
+"""Candidates: reports beside the tracks near them, in the shape in which association scores them.
+
+The coarse gate is a distance on the globe; what passes it is predicted to the report's time and compared in the track's
+own plane, in every factor that both have.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import geodesy, kalman
+from aeroskein.association import Candidates, PointGrid, mode_a_cost, velocity_factors
+from aeroskein.engine_state import EngineState
+from aeroskein.intake import Batch
+from aeroskein.plots import Array, Ints
+
+__all__ = ["TrackGrid", "candidates"]
+
+# Tracks move 250 m in this time; the coarse gate has room for that. [s]
+GRID_PERIOD_S: Final = 1.0
+# Acceleration that a track may begin between its last report and this one. [m²/s⁵]
+JERK_DENSITY: Final = 1.0
+# One sigma per axis of a velocity that a radar's own tracker reports: it lags in turns. [m/s]
+RADAR_VELOCITY_SIGMA_MPS: Final = 8.0
+# Altitudes of one aircraft by two sources may differ by this beyond their noise. [m]
+ALTITUDE_SLACK_M: Final = 30.0
+
+
+class TrackGrid:
+    """Where the tracks are, good for a second."""
+
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m = reach_m
+        self._made_s = -np.inf
+        self._tracks = -1
+
+    def near(self, state: EngineState, ecef_m: Array, now_s: float) -> tuple[Ints, Ints]:
+        """Pairs ``(p,)`` of a query ``(n, 3)`` and the slot of a track within reach, ordered by query."""
+        if now_s - self._made_s >= GRID_PERIOD_S or state.tracks.next_number != self._tracks:
+            active = state.tracks.active
+            self._slots = active[np.isfinite(state.live.bank.time_s[active])]
+            frames = state.frames.rows[state.tracks.frame[self._slots]]
+            east, north, _, _ = state.live.bank.steady(self._slots)
+            places = geodesy.to_ecef(*geodesy.from_plane(frames, east, north))
+            self._grid = PointGrid(places, self._reach_m)
+            self._made_s, self._tracks = now_s, state.tracks.next_number
+        query, point = self._grid.near(ecef_m, self._reach_m)
+        slot = self._slots[point]
+        alive = np.isfinite(state.live.bank.time_s[slot]) & state.tracks.used[slot]
+        return query[alive], slot[alive]
+
+
+def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints) -> Candidates:
+    """Compare reports with tracks.
+
+    Parameters
+    ----------
+    state : EngineState
+        Tracks.
+    batch : Batch
+        Reports, located.
+    plot, slot : (p,) int64
+        Pairs: row of the report, slot of the track.
+    """
+    tracks, plots = state.tracks, batch.plots
+    frames = state.frames.rows[tracks.frame[slot]]
+    lat, lon = batch.located.lat_deg[plot], batch.located.lon_deg[plot]
+    east, north = geodesy.to_plane(frames, lat, lon)
+    axes = geodesy.local_axes(frames, lat, lon, batch.located.height_m[plot])
+    noise = geodesy.rotate_covariance(axes, batch.located.covariance[plot])
+    x, P = _predicted(state, slot, plots.time_s[plot])
+    back = geodesy.invert_axes(axes)
+    v = np.stack(geodesy.rotate_vector(back, x[2], x[3]), axis=1)
+    radar = state.sensors.is_radar[plots.sensor[plot]]
+    altitude, _, _, altitude_sigma = state.live.vertical.at(slot, plots.time_s[plot])
+    step = plots.altitude_m[plot] - altitude
+    sigma = np.hypot(altitude_sigma, np.hypot(state.sensors.altitude_sigma_m[plots.sensor[plot]], ALTITUDE_SLACK_M))
+    time_variance = state.sensors.time_sigma_s[plots.sensor[plot]] ** 2
+    covariance = noise + P[[0, 1, 7]].T + (time_variance * np.stack([x[2] ** 2, x[2] * x[3], x[3] ** 2])).T
+    return Candidates.of(
+        plot, tracks.number[slot],
+        np.stack([east - x[0], north - x[1]], axis=1), covariance,
+        **velocity_factors(
+            plots.ground_speed_mps[plot], plots.track_angle_deg[plot],
+            np.where(radar, RADAR_VELOCITY_SIGMA_MPS, state.sensors.velocity_sigma_mps[plots.sensor[plot]]),
+            v, geodesy.rotate_covariance(back, P[[12, 13, 17]].T),
+        ),
+        altitude_step_m=step,
+        altitude_sigma_m=np.where(np.isfinite(step), sigma, np.nan),
+        mode_a_cost=mode_a_cost(plots.mode_a[plot], tracks.mode_a[slot], tracks.mode_a[tracks.active]),
+    )  # fmt: skip
+
+
+def _predicted(state: EngineState, slot: Ints, time_s: Array) -> tuple[Array, Array]:
+    """States ``(6, p)`` and covariances ``(24, p)`` of tracks at the times of reports, which may lie a little back."""
+    own, index = np.unique(slot, return_inverse=True)
+    bank = state.live.bank
+    x, P = state.live.state_at(own, bank.time_s[own])
+    x, P = x[:, index], np.ascontiguousarray(P[:, index])
+    h = time_s - bank.time_s[slot]
+    back = np.minimum(h, 0.0)
+    kalman.predict(x, P, np.abs(h), np.full(len(h), JERK_DENSITY))
+    # For a report from before, the state goes back by twice what the prediction took it forward.
+    x[0:2] += 2.0 * back * (x[2:4] - np.abs(back) * x[4:6])
+    return x, P

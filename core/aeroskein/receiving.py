@@ -1,0 +1,170 @@
+"""Receiving: what happens to reports between their arrival and the live point, in order.
+
+intake -> calibration -> place -> identity -> repeats -> buffers -> live filter -> track status -> live points
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from aeroskein import ageing, conversion, dispositions
+from aeroskein.applied_biases import AppliedBiases
+from aeroskein.engine_state import EngineState, StageClock
+from aeroskein.events import Event, Rejections
+from aeroskein.identity import INITIATED_SIGMA_MPS, Identity, Named
+from aeroskein.intake import Batch, Intake, Verdicts
+from aeroskein.measurements import Measurements
+from aeroskein.plots import ON_GROUND, Bools, Ints, Plots
+from aeroskein.points import Flag
+from aeroskein.publishing import live_points
+from aeroskein.reasons import Reason
+from aeroskein.repeats import is_implausible
+
+__all__ = ["Receiver"]
+
+
+class Receiver:
+    """Takes reports in; the engine owns what it works on."""
+
+    def __init__(self, state: EngineState, biases: AppliedBiases, clock: StageClock) -> None:
+        self.intake = Intake(state.settings)
+        self.biases = biases
+        self.identity = Identity(state)
+        self._state = state
+        self._clock = clock
+
+    def receive(self, plots: Plots, now_s: float, *, want_dispositions: bool) -> list[Event]:
+        """Take reports in; returns live points, track changes, rejections and dispositions."""
+        # Against the clock at its arrival: what a report waited for its turn since is not its fault.
+        verdicts = self.intake.check(plots, np.fmin(plots.received_s, now_s))
+        rows = np.flatnonzero(verdicts.reason == 0)
+        self._clock.lap("intake", len(plots))
+        events = self._take_in(plots, rows, verdicts, now_s) if len(rows) else []
+        events.append(Rejections(verdicts.counts(plots.sensor, len(self._state.settings.sensors))))
+        if want_dispositions:
+            events.append(dispositions.of_batch(plots, verdicts, self._state.tracks))
+        return events
+
+    def _take_in(self, plots: Plots, rows: Ints, verdicts: Verdicts, now_s: float) -> list[Event]:
+        """Give checked reports to their tracks, filter, and publish live."""
+        state = self._state
+        batch = self._placed(plots if len(rows) == len(plots) else plots.take(rows), rows)
+        state.reports.add(now_s, batch.raw, batch.located.lat_deg, batch.located.lon_deg)
+        batch = batch.without(~batch.located.feasible, Reason.IMPLAUSIBLE, verdicts)
+        self._clock.lap("place", len(rows))
+        batch, named = self.identity.assign(batch, verdicts, now_s)
+        verdicts.slot[batch.rows] = batch.slot
+        self._clock.lap("identity", len(rows))
+        batch = self._unrepeated(batch, verdicts)
+        batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
+        reports = self._measured(batch)
+        _give_velocity(reports, named)
+        room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
+        batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
+        self._clock.lap("buffer", len(rows))
+        if not len(batch):
+            return [*named.renamed]
+        begins = self._begin_states(reports)
+        accepted = state.live.receive(reports, begins)
+        self._clock.lap("live", len(rows))
+        fresh = np.unique(reports.slot[begins])
+        batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
+        return [*named.renamed, *self._after(batch, reports, fresh, now_s)]
+
+    def _placed(self, raw: Plots, rows: Ints) -> Batch:
+        """Correct, look up and locate reports; a radar plot's height is its own altitude, else its track's."""
+        state = self._state
+        before = state.block.before(raw.time_s)
+        radars = bool(state.sensors.is_radar[raw.sensor].any())
+        plots = self.biases.correct(raw, before) if radars else raw
+        slot = state.tracks.owner(plots.address)
+        known = slot >= 0
+        at = np.where(known, slot, 0)
+        offset, sigma = state.offsets.applied(slot, state.tracks.frame[at], before)
+        geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
+        blind = np.isnan(geometric) & known
+        if blind.any():
+            geometric[blind] = state.live.vertical.at(at[blind], plots.time_s[blind])[1]
+        located = conversion.locate(plots, state.sensors, geometric, sigma, self.biases.sigmas(raw.sensor, before))
+        return Batch(rows, raw, plots, located, slot)
+
+    def _measured(self, batch: Batch) -> Measurements:
+        state, raw = self._state, batch.raw
+        frames = state.frames.rows[state.tracks.frame[batch.slot]]
+        left = self.biases.sigmas(raw.sensor, state.block.before(raw.time_s))[:, 2]
+        time_sigma_s = np.hypot(state.sensors.time_sigma_s[raw.sensor], left)
+        return conversion.measure(raw, batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
+
+    def _unrepeated(self, batch: Batch, verdicts: Verdicts) -> Batch:
+        """Refuse late, implausible, duplicate and stale reports."""
+        state = self._state
+        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
+        reports = self._measured(batch)
+        slot, bank = batch.slot, state.live.bank
+        known = np.isfinite(bank.time_s[slot])
+        east, north, v_east, v_north = bank.steady(slot)
+        elapsed = np.where(known, reports.time_s - bank.time_s[slot], 0.0)
+        away = np.hypot(reports.east_m - east, reports.north_m - north)
+        implausible = known & is_implausible(away, elapsed)
+        raw = batch.raw
+        radar = state.sensors.is_radar[raw.sensor] & np.isfinite(raw.range_m)
+        place = np.stack(
+            [np.where(radar, raw.range_m, raw.lat_deg), np.where(radar, raw.azimuth_deg, raw.lon_deg)], axis=1
+        )
+        speed = np.where(known, np.hypot(v_east, v_north), raw.ground_speed_mps)
+        duplicate, stale, behind = state.memory.compare(slot, raw.sensor, raw.time_s, place, speed)
+        at = np.flatnonzero(behind)
+        duplicate[at] |= state.buffers.holds(reports.take(at))
+        for where, reason in ((implausible, Reason.IMPLAUSIBLE), (stale, Reason.STALE), (duplicate, Reason.DUPLICATE)):
+            verdicts.reason[batch.rows[where]] = reason
+        return batch.take(~(implausible | stale | duplicate))
+
+    def _begin_states(self, reports: Measurements) -> Bools:
+        """Live states of tracks whose first usable report is here; returns which reports those are."""
+        begins = np.isneginf(self._state.live.bank.time_s[reports.slot])
+        if begins.any():
+            first = np.zeros(len(reports), dtype=np.bool_)
+            first[np.unique(reports.slot, return_index=True)[1]] = True
+            begins &= first
+            self._state.live.start(reports.take(begins))
+        return begins
+
+    def _after(self, batch: Batch, reports: Measurements, fresh: Ints, now_s: float) -> list[Event]:
+        """Identity, status and flags of tracks that got reports; live points."""
+        state, raw, slot = self._state, batch.raw, batch.slot
+        state.tracks.note(slot, raw, reports.time_s)
+        _flag_ground(state, slot, raw)
+        slots = np.unique(slot)
+        events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
+        self._clock.lap("tracks", len(batch))
+        if state.settings.fusion.live:
+            time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
+            ahead = time > state.live.published_s[slots]
+            if ahead.any():
+                events.append(live_points(state, slots[ahead], time[ahead]))
+            self._clock.lap("live points", int(ahead.sum()))
+        return events
+
+
+def _give_velocity(reports: Measurements, named: Named) -> None:
+    """First reports of tracks that initiation made carry the velocity of the plots that made them."""
+    if not len(named.slots):
+        return
+    order = np.argsort(named.slots)
+    place = np.minimum(np.searchsorted(named.slots[order], reports.slot), len(order) - 1)
+    made = named.slots[order][place] == reports.slot
+    velocity = named.velocity_mps[order][place[made]]
+    reports.v_east_mps[made], reports.v_north_mps[made] = velocity.T
+    reports.velocity_variance[made] = INITIATED_SIGMA_MPS**2
+
+
+def _flag_ground(state: EngineState, slot: Ints, raw: Plots) -> None:
+    """On the ground or not, as the newest report with an own position says; rows sorted by slot, then time."""
+    says = ~state.sensors.is_radar[raw.sensor]
+    if not says.any():
+        return
+    on_ground = (raw.flags[says] & ON_GROUND) != 0
+    flag = np.uint16(Flag.ON_GROUND)
+    state.tracks.flags[slot[says]] = np.where(
+        on_ground, state.tracks.flags[slot[says]] | flag, state.tracks.flags[slot[says]] & ~flag
+    )
