@@ -122,7 +122,8 @@ class FusionEngine:
         if now_s - self._slow_s >= SLOW_PERIOD_S:
             self._slow_s = now_s
             self._registration.advance(now_s=now_s)
-            recentre(state)
+            self._receiver.believing.moved(recentre(state))
+            self._receiver.check(now_s)
         return events
 
     def finish(self, *, now_s: float) -> list[Event]:
@@ -212,7 +213,7 @@ class FusionEngine:
         state.element_log.add(closed, number, frame, points.seq, fused.half_width_m, fused.reason)
         self._clock.lap("element points", len(slots))
         if self.settings.registration.enabled:
-            trusted = np.ones(len(slots), dtype=np.bool_)
+            trusted = self._receiver.believing.trusted(closed.slots)
             comparisons = compare(state, closed, vertical, self._sampler, self._now_s, trusted)
             if comparisons is not None:
                 self._registration.update(comparisons)
@@ -266,7 +267,7 @@ class FusionEngine:
 
     def alarms(self) -> list[str]:
         """What an operator should know now, one sentence each."""
-        return self._registration.alarms()
+        return [*self._registration.alarms(), *self._receiver.believing.alarms()]
 
     def stages_us(self) -> dict[str, float]:
         """Microseconds per report or element of every stage since the last call."""

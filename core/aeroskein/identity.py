@@ -8,6 +8,7 @@ better claimant. A track that has no address yet takes the address of reports th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -52,9 +53,10 @@ class Named:
 class Identity:
     """Gives reports to tracks, and begins tracks."""
 
-    def __init__(self, state: EngineState) -> None:
+    def __init__(self, state: EngineState, on_open: Callable[[Ints], None]) -> None:
         settings = state.settings
         self._state = state
+        self._on_open = on_open
         self._associator = Associator(settings, state.tracks.capacity)
         self._initiator = Initiator(settings)
         self._grid = TrackGrid(settings.association.coarse_gate_m)
@@ -183,6 +185,7 @@ class Identity:
         state.offsets.make_frames(len(state.frames.rows))
         state.clear(new)
         self.clear(new)
+        self._on_open(new)
         for slot in new.tolist():
             self._strangers.pop(slot, None)
         return new

@@ -9,6 +9,7 @@ import numpy as np
 
 from aeroskein import ageing, conversion, dispositions
 from aeroskein.applied_biases import AppliedBiases
+from aeroskein.believing import LIVE_PERIODS, Believing
 from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.events import Event, Rejections
 from aeroskein.identity import INITIATED_SIGMA_MPS, Identity, Named
@@ -29,7 +30,8 @@ class Receiver:
     def __init__(self, state: EngineState, biases: AppliedBiases, clock: StageClock) -> None:
         self.intake = Intake(state.settings)
         self.biases = biases
-        self.identity = Identity(state)
+        self.believing = Believing(state)
+        self.identity = Identity(state, self.believing.clear)
         self._state = state
         self._clock = clock
 
@@ -59,6 +61,7 @@ class Receiver:
         batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
         reports = self._measured(batch)
         _give_velocity(reports, named)
+        self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
         batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
         self._clock.lap("buffer", len(rows))
@@ -70,6 +73,16 @@ class Receiver:
         fresh = np.unique(reports.slot[begins])
         batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
         return [*named.renamed, *self._after(batch, reports, fresh, now_s)]
+
+    def check(self, now_s: float) -> None:
+        """What is worth doing once a second: judge own positions, and say which tracks rest on unsure radars."""
+        self.believing.check(now_s)
+        tracks, period_s = self._state.tracks, self._state.sensors.period_s
+        active = tracks.active
+        fresh = now_s - tracks.sensor_received_s[active] <= LIVE_PERIODS * period_s
+        unsure = (fresh & self.biases.uncertain).any(axis=1)
+        flag = np.uint16(Flag.BIAS_UNCERTAIN)
+        tracks.flags[active] = np.where(unsure, tracks.flags[active] | flag, tracks.flags[active] & ~flag)
 
     def _placed(self, raw: Plots, rows: Ints) -> Batch:
         """Correct, look up and locate reports; a radar plot's height is its own altitude, else its track's."""
@@ -133,7 +146,9 @@ class Receiver:
         """Identity, status and flags of tracks that got reports; live points."""
         state, raw, slot = self._state, batch.raw, batch.slot
         state.tracks.note(slot, raw, reports.time_s)
+        self.believing.note(batch, reports)
         _flag_ground(state, slot, raw)
+        state.tracks.flags[slot[self.biases.uncertain[raw.sensor]]] |= np.uint16(Flag.BIAS_UNCERTAIN)
         slots = np.unique(slot)
         events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
         self._clock.lap("tracks", len(batch))

@@ -26,15 +26,15 @@ FAR_M: Final = 50_000.0
 _COLUMN: Final = {name: i for i, name in enumerate(COLUMNS)}
 
 
-def recentre(state: EngineState) -> None:
-    """Give tracks that are far from their origin the frame nearest to where they are."""
+def recentre(state: EngineState) -> Ints:
+    """Give tracks that are far from their origin the frame nearest to where they are; returns their slots."""
     active = state.tracks.active
     active = active[np.isfinite(state.live.bank.time_s[active])]
     east, north, _, _ = state.live.bank.steady(active)
     far = np.maximum(np.abs(east), np.abs(north)) > FAR_M
-    if not far.any():
-        return
-    slots = active[far]
+    slots: Ints = active[far]
+    if not len(slots):
+        return slots
     old = state.frames.rows[state.tracks.frame[slots]]
     lat, lon = geodesy.from_plane(old, east[far], north[far])
     state.tracks.frame[slots] = state.frames.near(lat, lon)
@@ -45,6 +45,7 @@ def recentre(state: EngineState) -> None:
         _move_bank(bank, slots, old, new, turn)
     _move_elements(state.elements, slots, old, new, turn)
     _move_reports(state.buffers.rows, slots, old, new, turn)
+    return slots
 
 
 def _turned(turn: Array, P: Array) -> Array:

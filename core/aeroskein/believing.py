@@ -1,0 +1,129 @@
+"""Believing: what integrity must see of each batch, and what its verdicts mean for the tracks.
+
+Own positions and radar plots of the same track are shown to integrity in the track's plane; its beliefs become the
+flags ``adsb_unverified`` and ``adsb_suspect``. The own positions of a suspect track are kept out of its estimate while
+radars see it, and out of registration.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import geodesy
+from aeroskein.engine_state import EngineState
+from aeroskein.intake import Batch
+from aeroskein.integrity import Belief, Integrity, Looks, OwnPositions
+from aeroskein.measurements import Measurements
+from aeroskein.plots import Bools, Ints
+from aeroskein.points import Flag
+
+__all__ = ["Believing"]
+
+# What a doubted position still says: which part of the sky. [m]
+DOUBTED_SIGMA_M: Final = 5000.0
+# A radar sees a track while its last plot is younger than this many of its periods. [periods]
+LIVE_PERIODS: Final = 2.5
+
+
+class Believing:
+    """Beliefs in the own positions of all tracks; nothing happens where there is no radar to check them."""
+
+    def __init__(self, state: EngineState) -> None:
+        self._state = state
+        self._integrity = Integrity(state.settings, state.tracks.capacity)
+        self._slots = state.tracks.capacity
+        self._own_positions = ~state.sensors.is_radar
+
+    def clear(self, slots: Ints) -> None:
+        """These slots belong to new tracks."""
+        self._follow_capacity()
+        self._integrity.reset(slots)
+
+    def moved(self, slots: Ints) -> None:
+        """These tracks have new planes."""
+        self._integrity.moved(slots)
+
+    def note(self, batch: Batch, reports: Measurements) -> None:
+        """Show a batch of reports, with their tracks, in their planes."""
+        self._follow_capacity()
+        sensor = reports.sensor.astype(np.int64)
+        own = np.flatnonzero(self._own_positions[sensor])
+        place = np.stack([reports.east_m, reports.north_m], axis=1)
+        if len(own):
+            velocity = np.stack([reports.v_east_mps[own], reports.v_north_mps[own]], axis=1)
+            silent = np.isnan(velocity[:, 0])
+            if silent.any():
+                _, _, v_east, v_north = self._state.live.bank.steady(reports.slot[own[silent]])
+                velocity[silent] = np.stack([v_east, v_north], axis=1)
+            tv = reports.time_variance[own]
+            covariance = np.stack(
+                [
+                    reports.r_ee[own] + tv * velocity[:, 0] ** 2,
+                    reports.r_en[own] + tv * velocity[:, 0] * velocity[:, 1],
+                    reports.r_nn[own] + tv * velocity[:, 1] ** 2,
+                ],
+                axis=1,
+            )
+            unverified = own[self._integrity.belief(reports.slot[own]) == Belief.UNVERIFIED]
+            self._state.tracks.flags[reports.slot[unverified]] |= np.uint16(Flag.ADSB_UNVERIFIED)
+            self._integrity.own(OwnPositions(reports.slot[own], reports.time_s[own], place[own], velocity, covariance))
+        seen = np.flatnonzero(~self._own_positions[sensor])
+        if len(seen):
+            self._integrity.looks(
+                Looks(
+                    sensor[seen], reports.slot[seen], reports.time_s[seen], place[seen],
+                    np.stack([reports.r_ee[seen], reports.r_en[seen], reports.r_nn[seen]], axis=1),
+                    batch.plots.range_m[seen], batch.plots.azimuth_deg[seen], batch.located.height_m[seen],
+                )
+            )  # fmt: skip
+
+    def check(self, now_s: float) -> None:
+        """Judge all tracks with own positions, about once a second, and set their flags."""
+        state, tracks = self._state, self._state.tracks
+        self._follow_capacity()
+        active = tracks.active
+        heard = np.isfinite(tracks.sensor_received_s[active][:, self._own_positions]).any(axis=1)
+        heard &= (tracks.flags[active] & np.uint16(Flag.ON_GROUND)) == 0
+        slots = active[heard & np.isfinite(state.live.bank.time_s[active])]
+        if not len(slots):
+            return
+        frames = state.frames.rows[tracks.frame[slots]]
+        east, north, _, _ = state.live.bank.steady(slots)
+        lat, lon = geodesy.from_plane(frames, east, north)
+        altitude, height, _, _ = state.live.vertical.at(slots, np.full(len(slots), now_s))
+        self._integrity.check(now_s, slots, lat, lon, np.where(np.isnan(height), altitude, height))
+        belief = self._integrity.belief(slots)
+        flags = tracks.flags[slots] & ~np.uint16(Flag.ADSB_UNVERIFIED | Flag.ADSB_SUSPECT)
+        flags[belief == Belief.UNVERIFIED] |= np.uint16(Flag.ADSB_UNVERIFIED)
+        flags[belief == Belief.SUSPECT] |= np.uint16(Flag.ADSB_SUSPECT)
+        tracks.flags[slots] = flags
+
+    def trusted(self, slots: Ints) -> Bools:
+        """Tracks whose own positions may be used, ``(n,)``."""
+        self._follow_capacity()
+        return self._integrity.trusted(slots)
+
+    def discount(self, reports: Measurements, now_s: float) -> None:
+        """Own positions of suspect tracks that a radar sees count for next to nothing; changes the reports in place."""
+        self._follow_capacity()
+        slot, sensor = reports.slot, reports.sensor.astype(np.int64)
+        doubted = self._own_positions[sensor] & ~self._integrity.trusted(slot)
+        if not doubted.any():
+            return
+        period_s = self._state.sensors.period_s
+        fresh = now_s - self._state.tracks.sensor_received_s[slot] <= LIVE_PERIODS * period_s
+        doubted &= (fresh & ~self._own_positions).any(axis=1)
+        reports.r_ee[doubted] += DOUBTED_SIGMA_M**2
+        reports.r_nn[doubted] += DOUBTED_SIGMA_M**2
+        reports.velocity_variance[doubted] = np.nan
+
+    def alarms(self) -> list[str]:
+        """What an operator should know, one sentence each."""
+        return self._integrity.alarms()
+
+    def _follow_capacity(self) -> None:
+        if self._slots < self._state.tracks.capacity:
+            self._slots = self._state.tracks.capacity
+            self._integrity.grow(self._slots)
