@@ -139,8 +139,9 @@ def seen_from(settings: SensorSettings, lat_deg: Array, lon_deg: Array, height_m
 
 
 def distance_m(lat1: Any, lon1: Any, lat2: Any, lon2: Any) -> Array:
-    """Geodesic distance by PROJ."""
-    return np.asarray(GEOD.inv(lon1, lat1, lon2, lat2)[2])
+    """Geodesic distances ``(n,)`` by PROJ."""
+    ends = np.broadcast_arrays(*(np.atleast_1d(c) for c in (lon1, lat1, lon2, lat2)))
+    return np.asarray(GEOD.inv(*(np.array(c, dtype=np.float64) for c in ends))[2])
 
 
 def measurements(n: int, **columns: Any) -> Measurements:
