@@ -94,7 +94,7 @@ def _start(tree: ProcessTree, config: Config, path: Path, real: bool) -> None:
     print(f"  router   {where}")
     print(f"  points   aeroskein watch --connect {where}     (keys {config.zenoh.prefix}/fused/live/<address>)")
     if config.http.listen:
-        print(f"  health   http://{config.http.listen}/readyz  http://{config.http.listen}/metrics")
+        print(f"  page     http://{config.http.listen}/     (health /readyz, metrics /metrics)")
     if real:
         print("  ADS-B is recorded, the radars are simulated from it")
     print("  Ctrl-C ends everything", flush=True)
