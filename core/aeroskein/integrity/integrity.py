@@ -1,0 +1,331 @@
+"""Integrity: own positions (ADS-B) are believed only as far as radars confirm them.
+
+Per track: unverified, verified, suspect. Two agreeing looks verify. A track becomes suspect when its positions disagree
+with radar plots beyond chance and honest differences (``agreement.py``), or when radars that cover it (``cover.py``)
+turn past it again and again without a plot. Hysteresis: five agreeing looks and some time bring a suspect track back.
+Where many tracks disagree with one radar and with no other, the radar is in doubt, not the aircraft; where they
+disagree with every radar, satellite navigation is disturbed in the region: both are alarms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from aeroskein.geodesy import frame_rows, from_ecef
+from aeroskein.integrity.agreement import Agreement
+from aeroskein.integrity.cover import CoverMap, polar_of
+from aeroskein.plots import Array, Bools, Ints
+from aeroskein.settings import EngineSettings
+
+__all__ = ["Belief", "Integrity", "Looks", "OwnPositions"]
+
+# Sigmas of a mean difference, beyond what is honest, that make a track suspect: 2e-8 by chance.
+SUSPECT_SIGMAS: Final = 5.5
+# ... that count as disagreeing when it is asked how many tracks do, and that a track must be below to come back.
+DISAGREE_SIGMAS: Final = 3.0
+# Minus log of the chance that an aircraft is there and was missed so often: before it has ever been seen by radar
+# (one such question per flight), and after (one per turn of every radar).
+MISSED_NEW: Final = 9.2
+MISSED_KNOWN: Final = 16.5
+# Looks that verify, looks that bring back, and the time that takes at least. [s]
+LOOKS_TO_VERIFY: Final = 2
+LOOKS_TO_RETURN: Final = 5
+RETURN_S: Final = 20.0
+# A track verified long ago, and no longer seen by radar, is unverified again. [s]
+VERIFIED_S: Final = 120.0
+# Own positions older than this are not extrapolated to a plot, nor expected to be seen. [s]
+OWN_AGE_S: Final = 4.0
+# Acceleration neglected when own positions are moved to a plot's time. [m/s²]
+ACCELERATION_SIGMA: Final = 2.0
+# A turn is over when the radar's newest plot is this share of a period past the expected look.
+TURN_MARGIN: Final = 0.15
+# A radar is in doubt when this share of at least so many tracks disagree with it.
+DOUBT_SHARE: Final = 0.3
+DOUBT_TRACKS: Final = 4
+
+
+class Belief(IntEnum):
+    """What a track's own positions are worth."""
+
+    UNVERIFIED = 0
+    VERIFIED = 1
+    SUSPECT = 2
+
+
+@dataclass(slots=True, eq=False)
+class OwnPositions:
+    """ADS-B reports, ``(n,)`` columns: slot, time, place and velocity in the track's plane, covariance of the place.
+
+    Attributes
+    ----------
+    slot : int64
+        Track slot.
+    time_s : float64
+        [s since the epoch]
+    place_m, velocity_mps : (n, 2) float64
+        East and north. [m, m/s]
+    covariance_m2 : (n, 3) float64
+        ``[ee, en, nn]``, with the part from the time stamp. [m²]
+    """
+
+    slot: Ints
+    time_s: Array
+    place_m: Array
+    velocity_mps: Array
+    covariance_m2: Array
+
+
+@dataclass(slots=True, eq=False)
+class Looks:
+    """Radar plots of tracks, corrected for registration, ``(n,)`` columns.
+
+    Attributes
+    ----------
+    sensor, slot : int64
+        Radar and track slot.
+    time_s : float64
+        [s since the epoch]
+    place_m : (n, 2) float64
+        East and north in the track's plane. [m]
+    covariance_m2 : (n, 3) float64
+        ``[ee, en, nn]`` with the covariance of the biases. [m²]
+    range_m, azimuth_deg, height_m : float64
+        As seen from the radar, for its cover; NaN where the height is unknown. [m, deg, m]
+    """
+
+    sensor: Ints
+    slot: Ints
+    time_s: Array
+    place_m: Array
+    covariance_m2: Array
+    range_m: Array
+    azimuth_deg: Array
+    height_m: Array
+
+
+class Integrity:
+    """Beliefs of all tracks.
+
+    Parameters
+    ----------
+    settings : EngineSettings
+        Sensors.
+    slots : int
+        Track slots.
+    """
+
+    def __init__(self, settings: EngineSettings, slots: int) -> None:
+        sensors = settings.sensors
+        self._ids = [s.id for s in sensors]
+        self._period_s = np.array([s.period_s for s in sensors])
+        self._sites: dict[int, Array] = {}
+        self._covers: dict[int, CoverMap] = {}
+        for k, s in enumerate(sensors):
+            if s.is_radar:
+                lat, lon = np.array([s.lat_deg], dtype=np.float64), np.array([s.lon_deg], dtype=np.float64)
+                self._sites[k] = frame_rows(lat, lon, s.height_m or 0.0)[0]
+                self._covers[k] = CoverMap(s.range_max_m)
+        self._agreement = Agreement(len(sensors), slots)
+        self._newest_s = np.full(len(sensors), -np.inf)
+        self._in_doubt = np.zeros(len(sensors), dtype=np.bool_)
+        self._region = 0
+        self._belief = np.zeros(slots, dtype=np.uint8)
+        self._good = np.zeros(slots, dtype=np.int64)
+        self._missed = np.zeros(slots)
+        self._looked_s = np.full(slots, -np.inf)
+        self._suspected_s = np.full(slots, -np.inf)
+        self._own_s = np.full(slots, -np.inf)
+        self._own = np.zeros((slots, 7))
+        self._due_s = np.full((len(sensors), slots), np.nan)
+        self._hits = np.zeros((len(sensors), slots), dtype=np.int64)
+
+    def grow(self, slots: int) -> None:
+        """Make room for more slots."""
+        more = slots - len(self._belief)
+        self._agreement.grow(slots)
+        for name in ("_belief", "_good", "_missed", "_own", "_hits"):
+            column = getattr(self, name)
+            shape = (column.shape[0], more) if name == "_hits" else (more, *column.shape[1:])
+            setattr(self, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis=name == "_hits"))
+        for name in ("_looked_s", "_suspected_s", "_own_s"):
+            setattr(self, name, np.concatenate([getattr(self, name), np.full(more, -np.inf)]))
+        self._due_s = np.concatenate([self._due_s, np.full((len(self._due_s), more), np.nan)], axis=1)
+
+    def reset(self, slot: Ints) -> None:
+        """These slots belong to new tracks."""
+        self._agreement.reset(slot)
+        self._belief[slot] = self._good[slot] = 0
+        self._missed[slot] = 0.0
+        self._looked_s[slot] = self._suspected_s[slot] = self._own_s[slot] = -np.inf
+        self._due_s[:, slot] = np.nan
+        self._hits[:, slot] = 0
+
+    def moved(self, slot: Ints) -> None:
+        """The planes of these tracks have moved: stored places no longer hold."""
+        self._own_s[slot] = -np.inf
+
+    # -- what is believed ----------------------------------------------------------------------------------------
+    def belief(self, slot: Ints) -> Ints:
+        """``Belief`` of each track, ``(n,)``."""
+        return self._belief[slot].astype(np.int64)
+
+    def trusted(self, slot: Ints) -> Bools:
+        """Whose own positions may anchor registration, ``(n,)``: all but suspect ones."""
+        return np.asarray(self._belief[slot] != Belief.SUSPECT)
+
+    def alarms(self) -> list[str]:
+        """What an operator should know, one sentence each."""
+        out = [f"most aircraft disagree with {self._ids[k]}: its registration or its north is in doubt"
+               for k in np.flatnonzero(self._in_doubt)]  # fmt: skip
+        if self._region:
+            out.append(f"own positions of {self._region} aircraft disagree with all radars: satellite navigation")
+        suspects = int((self._belief == Belief.SUSPECT).sum())
+        if suspects:
+            out.append(f"own positions of {suspects} aircraft are suspect")
+        return out
+
+    # -- input ---------------------------------------------------------------------------------------------------
+    def own(self, reports: OwnPositions) -> None:
+        """Take ADS-B reports in; of several of one track the newest counts."""
+        finite = np.isfinite(reports.place_m).all(axis=1) & np.isfinite(reports.velocity_mps).all(axis=1)
+        rows = np.flatnonzero(finite & (reports.time_s > self._own_s[reports.slot]))
+        rows = rows[np.argsort(reports.time_s[rows], kind="stable")]
+        slot = reports.slot[rows]
+        self._own_s[slot] = reports.time_s[rows]
+        columns = (reports.place_m[rows], reports.velocity_mps[rows], reports.covariance_m2[rows])
+        self._own[slot] = np.concatenate(columns, axis=1)
+
+    def looks(self, plots: Looks) -> None:
+        """Take radar plots in, of all tracks, after the ADS-B reports that came with them."""
+        for k in np.unique(plots.sensor):
+            rows = np.flatnonzero(plots.sensor == k)
+            self._newest_s[k] = max(self._newest_s[k], float(plots.time_s[rows].max()))
+            if k in self._covers:
+                self._learn_cover(int(k), plots, rows)
+        # Of several plots of one radar on one track the newest counts.
+        order = np.argsort(plots.time_s, kind="stable")[::-1]
+        _, first = np.unique(np.stack([plots.sensor[order], plots.slot[order]]), axis=1, return_index=True)
+        rows = np.sort(order[first])
+        sensor, slot, time_s = plots.sensor[rows], plots.slot[rows], plots.time_s[rows]
+        self._due_s[sensor, slot] = time_s + self._period_s[sensor]
+        self._hits[sensor, slot] += 1
+        step_s = time_s - self._own_s[slot]
+        near = np.abs(step_s) < OWN_AGE_S
+        rows, sensor, slot, time_s, step_s = rows[near], sensor[near], slot[near], time_s[near], step_s[near]
+        own = self._own[slot]
+        difference = plots.place_m[rows] - own[:, 0:2] - own[:, 2:4] * step_s[:, None]
+        covariance = plots.covariance_m2[rows] + own[:, 4:7]
+        covariance[:, [0, 2]] += (0.5 * ACCELERATION_SIGMA * step_s**2)[:, None] ** 2
+        # A radar in doubt neither confirms nor contradicts.
+        sure = ~self._in_doubt[sensor]
+        agrees = self._agreement.add(sensor, slot, time_s, difference, covariance, own[:, 2:4], sure)
+        np.maximum.at(self._looked_s, slot[agrees & sure], time_s[agrees & sure])
+        self._missed[slot[agrees]] = 0.0
+        self._good[slot[~agrees & sure]] = 0
+        np.add.at(self._good, slot[agrees & sure], 1)
+
+    def check(self, now_s: float, slot: Ints, lat_deg: Array, lon_deg: Array, height_m: Array) -> Ints:
+        """Judge tracks that have own positions, about once a second.
+
+        Parameters
+        ----------
+        now_s : float
+            [s since the epoch]
+        slot : (n,) int64
+            Tracks with ADS-B, each once, none of them on the ground.
+        lat_deg, lon_deg, height_m : (n,) array
+            Where they say they are; NaN in the height counts as 0. [deg, m]
+
+        Returns
+        -------
+        int64 array
+            Slots whose belief has changed.
+        """
+        current = now_s - self._own_s[slot] < OWN_AGE_S + 2.0
+        for k, site in self._sites.items():
+            self._count_misses(k, slot, current, *polar_of(site, lat_deg, lon_deg, height_m), now_s)
+        before = self._belief[slot].copy()
+        _, by_sensor = self._agreement.strength(slot, now_s, ~self._in_doubt)
+        against_all = self._find_doubt(slot, by_sensor)
+        combined, _ = self._agreement.strength(slot, now_s, ~self._in_doubt)
+        wrong = (combined > SUSPECT_SIGMAS) | against_all
+        limit = np.where(self._hits[:, slot].sum(axis=0) > 0, MISSED_KNOWN, MISSED_NEW)
+        wrong |= self._missed[slot] > limit
+        self._suspected_s[slot[wrong]] = now_s
+        self._good[slot[wrong]] = 0
+        self._belief[slot[wrong]] = Belief.SUSPECT
+        self._restore(slot, wrong, combined, now_s)
+        changed: Ints = slot[self._belief[slot] != before]
+        return changed
+
+    # -- inside --------------------------------------------------------------------------------------------------
+    def _restore(self, slot: Ints, wrong: Bools, combined: Array, now_s: float) -> None:
+        calm = ~wrong & (combined < DISAGREE_SIGMAS)
+        suspect = self._belief[slot] == Belief.SUSPECT
+        back = suspect & calm & (self._good[slot] >= LOOKS_TO_RETURN) & (now_s - self._suspected_s[slot] >= RETURN_S)
+        fresh = (self._belief[slot] == Belief.UNVERIFIED) & calm & (self._good[slot] >= LOOKS_TO_VERIFY)
+        self._belief[slot[back | fresh]] = Belief.VERIFIED
+        old = (self._belief[slot] == Belief.VERIFIED) & (now_s - self._looked_s[slot] > VERIFIED_S)
+        self._belief[slot[old]] = Belief.UNVERIFIED
+        self._good[slot[old]] = 0
+
+    def _find_doubt(self, slot: Ints, by_sensor: Array) -> Bools:
+        """Find radars with which many tracks disagree; gives the tracks that disagree with several radars, ``(n,)``."""
+        known = (self._hits[:, slot] >= 3) & np.isfinite(self._due_s[:, slot])
+        against = known & (by_sensor > DISAGREE_SIGMAS)
+        # Two radars at once do not err on one aircraft: it is the aircraft.
+        several = against.sum(axis=0) >= 2
+        count = known.sum(axis=1)
+        many = (against & ~several).sum(axis=1) / np.maximum(count, 1) >= np.where(
+            self._in_doubt, 0.3 * DOUBT_SHARE, DOUBT_SHARE
+        )
+        in_doubt = many & (count >= DOUBT_TRACKS)
+        if (in_doubt & ~self._in_doubt).any():
+            self._agreement.forget_slow()
+        self._in_doubt = in_doubt
+        strong: Bools = several & (np.sort(by_sensor, axis=0)[-2] > DISAGREE_SIGMAS + 1.0)
+        self._region = int(several.sum()) if int(several.sum()) >= DOUBT_TRACKS else 0
+        return strong
+
+    def _learn_cover(self, k: int, plots: Looks, rows: Ints) -> None:
+        site = self._sites[k]
+        range_m = plots.range_m[rows]
+        up_m = plots.height_m[rows] - _height_of(site)
+        # Geometric elevation at the antenna: the earth falls away by r² / 2R.
+        sine = up_m / np.maximum(range_m, 1.0) - range_m / (2.0 * 6_371_000.0)
+        elevation = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+        azimuth = plots.azimuth_deg[rows]
+        self._covers[k].seen(range_m, azimuth, elevation, float(plots.time_s[rows].max()))
+        tracked = np.isfinite(elevation) & (self._hits[k, plots.slot[rows]] >= 3)
+        self._covers[k].looked(
+            range_m[tracked], azimuth[tracked], elevation[tracked], np.ones(int(tracked.sum()), bool)
+        )
+
+    def _count_misses(
+        self, k: int, slot: Ints, current: Bools, range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float
+    ) -> None:
+        detection = self._covers[k].detection(range_m, azimuth_deg, elevation_deg, now_s)
+        expected = current & (detection > 0.0)
+        due = self._due_s[k, slot]
+        period_s = self._period_s[k]
+        # Within one period of entering cover the radar must have turned past.
+        entering = expected & np.isnan(due)
+        due = np.where(entering, self._newest_s[k] + period_s, due)
+        due[~expected] = np.nan
+        missed = expected & (self._newest_s[k] > due + TURN_MARGIN * period_s)
+        due[missed] += period_s
+        self._due_s[k, slot] = due
+        self._missed[slot[missed]] -= np.log(1.0 - detection[missed])
+        # Only aircraft that another look confirms teach the map where the radar is blind.
+        real = missed & (self._hits[k, slot] >= 3) & (now_s - self._looked_s[slot] < 3.0 * period_s)
+        self._covers[k].looked(
+            range_m[real], azimuth_deg[real], elevation_deg[real], np.zeros(int(real.sum()), dtype=np.bool_)
+        )
+
+
+def _height_of(site: Array) -> float:
+    return float(from_ecef(site[None, 0:3])[2][0])
