@@ -61,6 +61,8 @@ class Receiver:
         batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
         reports = self._measured(batch)
         _give_velocity(reports, named)
+        # Before any gate: what a gate refuses may be what contradicts the own positions.
+        self.believing.note(batch, reports)
         self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
         batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
@@ -146,7 +148,6 @@ class Receiver:
         """Identity, status and flags of tracks that got reports; live points."""
         state, raw, slot = self._state, batch.raw, batch.slot
         state.tracks.note(slot, raw, reports.time_s)
-        self.believing.note(batch, reports)
         _flag_ground(state, slot, raw)
         state.tracks.flags[slot[self.biases.uncertain[raw.sensor]]] |= np.uint16(Flag.BIAS_UNCERTAIN)
         slots = np.unique(slot)
