@@ -80,7 +80,7 @@ def flown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
 
 
 @pytest.mark.parametrize("product", PRODUCTS)
-def test_feed_has_the_same_points_as_the_keys(flown, product):
+def test_every_point_is_on_its_tracks_key_and_in_the_feed(flown, product):
     in_feed = points_of(flown.in_feed[product])
     assert len(in_feed) >= 12
     assert sorted(in_feed, key=str) == sorted((point for _, point in flown.on_keys[product]), key=str)
@@ -145,7 +145,7 @@ def test_service_is_alive_while_it_runs_and_not_after(flown):
     assert flown.alive == ([KEYS.alive_fusion(flown.instance)], [])
 
 
-def test_registration_of_every_radar_is_published(flown):
+def test_radar_registration_is_published(flown):
     assert flown.registration
     assert {state["sensor"] for state in flown.registration} == {"radar1"}
     assert {state["state"] for state in flown.registration} <= {"converging", "converged", "frozen", "off"}
