@@ -19,7 +19,7 @@ from aeroskein.measurements import Measurements
 from aeroskein.planes import Planes
 from aeroskein.plots import Array, Bools, Ints, Plots
 
-__all__ = ["Flights", "gather", "heights", "interpolated", "locate_flights", "measure", "stale_rows"]
+__all__ = ["Flights", "gather", "heights", "interpolated", "locate_flights", "measure", "split_at_holes", "stale_rows"]
 
 # One sigma of the difference between geometric height and pressure altitude where nobody tells it, and where the
 # flight's own reports do: the spread over recorded traffic, and one altimeter's wandering along a flight. [m]
@@ -84,6 +84,26 @@ def gather(plots: Plots, split_after_s: float, *, by_local_track: bool = False) 
     ordered, identity = ordered.take(~twice), identity[~twice]
     cut = ~continues(identity) | (np.diff(ordered.time_s, prepend=-np.inf) > split_after_s)
     return Flights(ordered, np.cumsum(cut) - 1, len(plots) - len(known), int(twice.sum()))
+
+
+def split_at_holes(flights: Flights, usable: Bools, split_after_s: float) -> Flights:
+    """Cut flights where no usable report came for too long, though others did.
+
+    Parameters
+    ----------
+    flights : Flights
+        The reports.
+    usable : (n,) bool
+        Reports that say something new.
+    split_after_s : float
+        A longer hole starts a new flight, with the usable report that ends it. [s]
+    """
+    flight, time_s = flights.flight, flights.plots.time_s
+    at = np.flatnonzero(usable)
+    cut = ~continues(flight)
+    ends_hole = continues(flight[at]) & (np.diff(time_s[at], prepend=-np.inf) > split_after_s)
+    cut[at[ends_hole]] = True
+    return Flights(flights.plots, np.cumsum(cut) - 1, flights.unidentified, flights.duplicates)
 
 
 def stale_rows(flights: Flights) -> Bools:

@@ -17,7 +17,16 @@ import numpy as np
 from aeroskein.motion import wrap_yaw
 from aeroskein.plots import Array
 
-__all__ = ["Prediction", "SigmaPoints", "difference", "predict", "predict_measurement", "smooth", "update"]
+__all__ = [
+    "Prediction",
+    "SigmaPoints",
+    "difference",
+    "positive",
+    "predict",
+    "predict_measurement",
+    "smooth",
+    "update",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,13 +77,36 @@ def root(P: Array) -> Array:
     try:
         return np.asarray(np.linalg.cholesky(P))
     except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(0.5 * (P + np.swapaxes(P, -1, -2)))
-        # Relative to the largest, far below what any report could tell.
-        values = np.maximum(values, 1e-13 * values[..., -1:])
+        values, vectors = _lifted(P)
         # A root only has to satisfy L L' = P; the triangle is the QR factor of the symmetric one.
         halves = np.sqrt(values)[..., :, None] * np.swapaxes(vectors, -1, -2)
-        R = np.linalg.qr(halves, mode="r")
-        return np.asarray(np.swapaxes(R, -1, -2))
+        return np.asarray(np.swapaxes(np.linalg.qr(halves, mode="r"), -1, -2))
+
+
+def positive(P: Array) -> Array:
+    """Covariances ``(..., d, d)`` made symmetric, and positive where rounding has made them indefinite.
+
+    After a minute without reports variances of 10¹⁰ m² stand beside such of 10⁻⁶ rad², and a difference of two such
+    matrices is only as good as double precision. Each component keeps its own unit: the matrix is scaled to a unit
+    diagonal before its eigenvalues are looked at.
+    """
+    P = 0.5 * (P + np.swapaxes(P, -1, -2))
+    try:
+        np.linalg.cholesky(P)
+    except np.linalg.LinAlgError:
+        scale = np.sqrt(np.maximum(np.abs(np.diagonal(P, axis1=-2, axis2=-1)), np.finfo(np.float64).tiny))
+        correlations = P / (scale[..., :, None] * scale[..., None, :])
+        values, vectors = _lifted(correlations)
+        lifted = (vectors * values[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+        P = lifted * scale[..., :, None] * scale[..., None, :]
+    return P
+
+
+def _lifted(P: Array) -> tuple[Array, Array]:
+    """Eigenvalues, none below a hair of the largest, and eigenvectors."""
+    values, vectors = np.linalg.eigh(0.5 * (P + np.swapaxes(P, -1, -2)))
+    # Relative to the largest, far below what any report could tell.
+    return np.maximum(values, 1e-13 * np.abs(values[..., -1:])), vectors
 
 
 def difference(a: Array, b: Array, angle: int | None) -> Array:
@@ -152,8 +184,7 @@ def update(x: Array, P: Array, expected: Prediction, innovation: Array, angle: i
     x = x + np.einsum("...dm,...m->...d", K, innovation)
     if angle is not None:
         x[..., angle] = wrap_yaw(x[..., angle])
-    P = P - K @ expected.P @ np.swapaxes(K, -1, -2)
-    return x, 0.5 * (P + np.swapaxes(P, -1, -2))
+    return x, positive(P - K @ expected.P @ np.swapaxes(K, -1, -2))
 
 
 def smooth(
@@ -181,5 +212,4 @@ def smooth(
     x = x + np.einsum("...ij,...j->...i", G, difference(next_x, prediction.x, angle))
     if angle is not None:
         x[..., angle] = wrap_yaw(x[..., angle])
-    P = P + G @ (next_P - prediction.P) @ np.swapaxes(G, -1, -2)
-    return x, 0.5 * (P + np.swapaxes(P, -1, -2))
+    return x, positive(P + G @ (next_P - prediction.P) @ np.swapaxes(G, -1, -2))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aeroskein.conversion import SensorTable
-from aeroskein.flights import gather, heights, interpolated, locate_flights, measure, stale_rows
+from aeroskein.flights import gather, heights, interpolated, locate_flights, measure, split_at_holes, stale_rows
 from aeroskein.planes import planes_of
 from aeroskein.plots import Plots
 from aeroskein.settings import EngineSettings, SensorSettings
@@ -81,6 +81,16 @@ def test_another_sensor_between_does_not_hide_a_stale_position() -> None:
     stale = stale_rows(gather(plots(3, lat_deg=lat, sensor=[0, 1, 0], ground_speed_mps=220.0), 120.0))
 
     assert stale.tolist() == [False, False, True]
+
+
+def test_a_hole_between_usable_reports_starts_a_new_flight() -> None:
+    flights = gather(plots(8, time_s=[0.0, 1.0, 50.0, 100.0, 149.0, 150.0, 151.0, 200.0]), 120.0)
+    usable = np.array([True, True, False, False, False, True, True, True])
+
+    cut = split_at_holes(flights, usable, 120.0)
+
+    assert flights.flight.tolist() == [0] * 8
+    assert cut.flight.tolist() == [0] * 5 + [1] * 3
 
 
 def test_missing_values_are_filled_linearly_and_held_at_the_ends() -> None:

@@ -103,3 +103,15 @@ def test_root_of_a_singular_covariance_still_multiplies_to_it() -> None:
     root = unscented.root(P)
 
     np.testing.assert_allclose(root @ np.swapaxes(root, -1, -2), np.diag([4.0, 0.0, 0.0])[None], atol=1e-11)
+
+
+def test_indefinite_covariances_are_made_positive_and_others_are_left_alone() -> None:
+    good = np.array([[4.0, 1.0], [1.0, 9.0]])
+    indefinite = np.diag([1e10, 1e-6]) + np.array([[0.0, 200.0], [200.0, 0.0]])
+
+    made = unscented.positive(np.stack([good, indefinite]))
+
+    np.testing.assert_allclose(made[0], good, rtol=1e-12)
+    assert (np.linalg.eigvalsh(made[1]) >= 0.0).all()
+    # Each component keeps the size of its own variance.
+    np.testing.assert_allclose(np.diag(made[1]), [1e10, 1e-6], rtol=0.6)

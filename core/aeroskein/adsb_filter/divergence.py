@@ -62,11 +62,18 @@ def diverged(
     sigma = np.sqrt(0.5 * (measurements.r_ee + measurements.r_nn))
     limit = np.maximum(settings.max_across_sigmas * sigma, settings.max_across_m)
     outside = np.logical_or.reduceat(across_m(flight, reported, track, result.position_m) > limit, first)
-    angle, leg = settings.spike_angle_deg, settings.spike_leg_m
-    before = np.add.reduceat(spikes(flight, reported, angle, leg).astype(np.int64), first)
-    after = np.add.reduceat(spikes(flight, result.position_m, angle, leg).astype(np.int64), first)
+    before = _spike_counts(flight, reported, np.isfinite(reported[:, 0]), settings)
+    # What was refused or missing is a prediction, and steps back where the flight is found again.
+    after = _spike_counts(flight, result.position_m, result.accepted & np.isfinite(reported[:, 0]), settings)
     verdict = np.where(mean > settings.max_mean_correction, CORRECTION, 0)
     return (verdict + np.where(outside, ACROSS, 0) + np.where(after > before, SPIKES, 0)).astype(np.uint8)
+
+
+def _spike_counts(flight: Ints, position_m: Array, seen: Bools, settings: AdsbFilterSettings) -> Ints:
+    """Spikes of each flight's line through some of its rows."""
+    at = np.flatnonzero(seen)
+    spike = spikes(flight[at], position_m[at], settings.spike_angle_deg, settings.spike_leg_m)
+    return np.bincount(flight[at[spike]], minlength=int(flight[-1]) + 1)
 
 
 def across_m(flight: Ints, reported_m: Array, track: Bools, position_m: Array) -> Array:

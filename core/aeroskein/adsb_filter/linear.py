@@ -102,13 +102,13 @@ def _update(
     innovation = np.where(observed[:, None], position - x[:, :, 0], 0.0)[..., None]
     # The axes are apart, so their squared distances add.
     d2 = linear_gaussian.squared_distance(innovation, P[..., :1, :1] + R).sum(axis=1)
-    accepted, widen = gate.judge(d2, observed)
+    velocity = np.stack([seen.v_east_mps, seen.v_north_mps], axis=1)
+    accepted, widen = gate.judge(d2, observed, velocity)
     P = P * widen[:, None, None, None]
     history.prior_x[rows], history.prior_cov[rows], history.accepted[rows] = x, P, accepted
     x, P = _where(accepted, linear_gaussian.update(x, P, innovation, _POSITION, R), (x, P))
     if settings.use_velocity:
-        velocity = np.stack([seen.v_east_mps, seen.v_north_mps], axis=1)
-        told = np.isfinite(velocity[:, 0])
+        told = gate.trusts(velocity)
         variance = np.where(told, seen.velocity_variance, 1.0)[:, None] + seen.time_variance[:, None] * x[:, :, 2] ** 2
         R = np.broadcast_to(variance, velocity.shape)[..., None, None]
         innovation = np.where(told[:, None], velocity - x[:, :, 1], 0.0)[..., None]

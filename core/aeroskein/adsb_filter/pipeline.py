@@ -25,7 +25,7 @@ from aeroskein.adsb_filter.settings import AdsbFilterSettings, Model
 from aeroskein.adsb_filter.start import position_covariance, start_states
 from aeroskein.adsb_filter.turning import bank_of, filter_turning, smooth_turning
 from aeroskein.conversion import SensorTable
-from aeroskein.flights import Flights, gather, interpolated, locate_flights, measure, stale_rows
+from aeroskein.flights import Flights, gather, interpolated, locate_flights, measure, split_at_holes, stale_rows
 from aeroskein.lanes import continues
 from aeroskein.measurements import Measurements
 from aeroskein.planes import Planes, planes_of
@@ -139,6 +139,7 @@ def _prepare(
     if len(flights.plots) == 0:
         return None
     stale = stale_rows(flights)
+    flights = split_at_holes(flights, ~stale, settings.split_after_s)
     located = locate_flights(flights, table, np.zeros((len(stale), 4)))
     planes = planes_of(settings.projection, flights.flight, located.lat_deg, located.lon_deg)
     measurements = measure(flights, located, planes, table, table.time_sigma_s)

@@ -53,7 +53,7 @@ def fused_points(
     plots, flight = flights.plots, flights.flight
     # Of several reports at one instant the last has seen them all.
     last_of_instant = ~np.append(continues(flight)[1:] & (np.diff(plots.time_s) == 0.0), False)
-    rows = np.flatnonzero(last_of_instant & (smoothed | _fresh(flights, result.accepted)))
+    rows = np.flatnonzero(last_of_instant & _known(flights, result.accepted, smoothed))
     group = np.searchsorted(rows, np.arange(len(flight)))
     in_time = group < len(rows)
     sources = np.zeros((len(rows), sensors), dtype=np.int32)
@@ -90,11 +90,12 @@ def fused_points(
     )
 
 
-def _fresh(flights: Flights, accepted: Bools) -> Bools:
-    """Rows not longer than the coasting limit after an accepted report."""
+def _known(flights: Flights, accepted: Bools, smoothed: bool) -> Bools:
+    """Rows not longer than the coasting limit after an accepted report; smoothed: or before one."""
     time_s = flights.plots.time_s
-    last = held_rows(flights.flight, accepted)[0]
-    return np.asarray((last >= 0) & (time_s - time_s[last] <= COAST_LIMIT_S))
+    last, following = held_rows(flights.flight, accepted)
+    fresh = (last >= 0) & (time_s - time_s[last] <= COAST_LIMIT_S)
+    return np.asarray(fresh | ((last >= 0) & (following >= 0) & smoothed))
 
 
 def _spans(flight: Ints, time_s: Array) -> Array:

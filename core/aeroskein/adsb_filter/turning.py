@@ -171,7 +171,7 @@ def filter_turning(measurements: Measurements, start: Start, bank: Bank, setting
             x, P = moved.x, moved.P * history.widened[rows, None, None]
             x, P, mu = _take_position(history, rows, x, P, mu, measurements.take(rows), gate)
             if settings.use_velocity:
-                x, P, mu = _take_velocity(history.accepted[rows], x, P, mu, measurements.take(rows), gate.limit)
+                x, P, mu = _take_velocity(history.accepted[rows], x, P, mu, measurements.take(rows), gate)
         history.x[:, rows], history.P[:, rows], history.mu[:, rows] = x, P, mu
     return history
 
@@ -190,7 +190,7 @@ def _take_position(
     innovation = np.where(observed[:, None], position - expected.x, 0.0)
     d2 = np.einsum("...i,...i->...", innovation, np.linalg.solve(expected.P, innovation[..., None])[..., 0])
     # An outlier is one for every model.
-    accepted, widen = gate.judge(d2.min(axis=0), observed)
+    accepted, widen = gate.judge(d2.min(axis=0), observed, np.stack([seen.v_east_mps, seen.v_north_mps], axis=1))
     if (widen > 1.0).any():
         P = P * widen[:, None, None]
         expected = unscented.predict_measurement(x, P, _position, R, POINTS, YAW)
@@ -200,11 +200,11 @@ def _take_position(
 
 
 def _take_velocity(
-    accepted: Bools, x: Array, P: Array, mu: Array, seen: Measurements, limit: float
+    accepted: Bools, x: Array, P: Array, mu: Array, seen: Measurements, gate: Gate
 ) -> tuple[Array, Array, Array]:
     velocity = np.stack([seen.v_east_mps, seen.v_north_mps], axis=1)
     observed = np.isfinite(seen.east_m)
-    told = np.isfinite(velocity[:, 0])
+    told = gate.trusts(velocity)
     turned = motion.turn_velocity(x)
     # Along: the acceleration; across, to the right: speed times yaw rate.
     ahead = np.stack([np.sin(x[..., YAW]), np.cos(x[..., YAW])], axis=-1)
@@ -215,7 +215,7 @@ def _take_velocity(
     innovation = np.where(told[:, None], velocity - expected.x, 0.0)
     d2 = np.einsum("...i,...i->...", innovation, np.linalg.solve(expected.P, innovation[..., None])[..., 0])
     # A report whose position is an outlier is not trusted with its velocity either.
-    used = told & (accepted | ~observed) & (d2.min(axis=0) <= limit)
+    used = told & (accepted | ~observed) & (d2.min(axis=0) <= gate.limit)
     return _apply(used, x, P, mu, expected, innovation)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from aeroskein import geodesy
 from aeroskein.conversion import Located, SensorTable
 from aeroskein.events import RegistrationState
-from aeroskein.flights import Flights, gather, interpolated, locate_flights, measure, stale_rows
+from aeroskein.flights import Flights, gather, interpolated, locate_flights, measure, split_at_holes, stale_rows
 from aeroskein.lanes import continues
 from aeroskein.measurements import Measurements
 from aeroskein.planes import LocalPlanes, planes_of
@@ -104,6 +104,10 @@ def _scene(
     biases = bias_table(engine, registration)
     flights = gather(corrected(plots, biases), engine.tracks.terminate_s)
     summary.unidentified, summary.duplicates = flights.unidentified, flights.duplicates
+    stale = stale_rows(flights)
+    summary.stale = int(stale.sum())
+    flights = flights.keep(~stale)
+    flights = split_at_holes(flights, np.ones(len(flights.plots), dtype=np.bool_), engine.tracks.terminate_s)
     confirmed = np.bincount(flights.flight) >= engine.tracks.confirm_reports
     summary.unconfirmed = int((~confirmed[flights.flight]).sum())
     flights = flights.keep(confirmed[flights.flight])
@@ -115,10 +119,6 @@ def _scene(
     assert isinstance(planes, LocalPlanes)
     measurements = measure(flights, located, planes, table, table.time_sigma_s)
     measurements.time_variance = measurements.time_variance + sigmas[:, 2] ** 2
-    stale = stale_rows(flights)
-    summary.stale = int(stale.sum())
-    for name in ("east_m", "north_m", "v_east_mps", "v_north_mps"):
-        getattr(measurements, name)[stale] = np.nan
     return _Scene(flights, located, planes, measurements, table)
 
 

@@ -203,3 +203,19 @@ def test_too_few_reports_make_no_track() -> None:
 
     assert points is None
     assert summary.unconfirmed + summary.unidentified == 2
+
+
+def test_a_frozen_position_ends_a_track_like_silence() -> None:
+    plots, _ = simulated()
+    plots = plots.take(np.flatnonzero((plots.sensor == 0) & (plots.address == plots.address[0])))
+    start = plots.time_s.min()
+    frozen = (plots.time_s > start + 80.0) & (plots.time_s < start + 120.0)
+    first = np.flatnonzero(frozen)[0]
+    plots.lat_deg[frozen], plots.lon_deg[frozen] = plots.lat_deg[first], plots.lon_deg[first]
+
+    points, summary = smooth_reports(plots, ENGINE)
+
+    assert points is not None
+    assert summary.stale == frozen.sum() - 1
+    assert len(np.unique(points.track_number)) == 2
+    assert points.span_s[points.track_number == 1].max() < start + 85.0
