@@ -150,7 +150,7 @@ class Integrity:
         for name in ("_belief", "_good", "_missed", "_own", "_hits"):
             column = getattr(self, name)
             shape = (column.shape[0], more) if name == "_hits" else (more, *column.shape[1:])
-            setattr(self, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis=name == "_hits"))
+            setattr(self, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis=int(name == "_hits")))
         for name in ("_looked_s", "_suspected_s", "_own_s"):
             setattr(self, name, np.concatenate([getattr(self, name), np.full(more, -np.inf)]))
         self._due_s = np.concatenate([self._due_s, np.full((len(self._due_s), more), np.nan)], axis=1)
