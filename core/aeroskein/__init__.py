@@ -1,12 +1,12 @@
 """Streaming track fusion for air surveillance: reports of ADS-B and radars in, one picture of the traffic out.
 
-    Plots ─► intake ─► applied biases ─► conversion ─► repeats ─┬─► live filter ─────────────► live FusedPoints
-             (values,  (registration)    (globe, plane,  (late, │    (order of arrival)
-              times)        ▲             covariance)    twice) │
-                            │                                   └─► buffers ─► closing ─► fusion ─► element FusedPoints
-                            │                                      (a ring per  (division points,  (information,
-                            │                                       aircraft)    detector, both     weighted,
-                            └──────────── registration ◄─ references ◄───────────passes)            patent)
+    receive   Plots ─► intake ─► applied biases ─► conversion ─► identity ─► repeats ─► integrity
+                                        ▲                                                   │
+                                        │       live FusedPoints ◄─ live filter ◄───────────┤  in order of arrival
+                                        │                                                   ▼
+    advance   registration ◄─ references ◄─ closing: division points, both passes ◄───── buffers  in order of time
+                                                │
+                                                └─► fusion ─► element FusedPoints
 
 Everything is columns: ``Plots`` go in, ``FusedPoints`` come out, state lives in arrays by track slot. The core has no
 clock, no I/O and no log; time is an argument, and what happened comes back as events:
