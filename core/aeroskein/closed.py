@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from aeroskein.gating import GateMemory
 from aeroskein.plots import Array, Bools, Ints
-from aeroskein.windows import REPORT, Window
+from aeroskein.windows import Window
 
 __all__ = ["Closed", "Estimate"]
 
@@ -75,5 +75,5 @@ class Closed:
     def in_span(self) -> Bools:
         """Which reports lie in the element itself, ``(K, n)``."""
         time = self.window.time_s
-        inside: Bools = (self.window.kind == REPORT) & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])
+        inside: Bools = self.window.reported & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])
         return inside

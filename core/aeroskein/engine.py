@@ -33,7 +33,6 @@ from aeroskein.references import ReferenceSampler, compare
 from aeroskein.registration import Registration
 from aeroskein.selection import Selection
 from aeroskein.settings import EngineSettings
-from aeroskein.windows import REPORT
 
 __all__ = ["ElementRecord", "FusionEngine"]
 
@@ -203,7 +202,7 @@ class FusionEngine:
         self._clock.lap("estimate", len(slots))
         fused = fusion.fuse(closed, self.settings)
         window = closed.window
-        accepted = (window.kind == REPORT) & (window.time_s < closed.span_s[:, 1:].T) & (closed.estimate.reason == 0)
+        accepted = window.reported & (window.time_s < closed.span_s[:, 1:].T) & (closed.estimate.reason == 0)
         master = state.masters.choose(
             closed.slots, closed.span_s[:, 1], window.time_s, window.sensor_index, window.r_ee + window.r_nn, accepted
         )

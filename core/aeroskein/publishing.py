@@ -14,7 +14,6 @@ from aeroskein.fusion import Fused
 from aeroskein.plots import Array, Ints
 from aeroskein.points import Flag, FusedPoints, Product, Status
 from aeroskein.vertical import fit_at
-from aeroskein.windows import REPORT
 
 __all__ = ["Vertical", "element_points", "element_vertical", "live_points", "live_state"]
 
@@ -101,7 +100,7 @@ def element_points(
 def element_vertical(state: EngineState, closed: Closed) -> Vertical:
     """Fit the vertical at the centres to the reports around them; learn the difference of height and altitude."""
     window, slots = closed.window, closed.slots
-    is_report = window.kind == REPORT
+    is_report = window.reported
     altitude_m = np.where(is_report, window.altitude_m, np.nan)
     height_m = np.where(is_report, window.height_m, np.nan)
     both = closed.in_span() & np.isfinite(altitude_m) & np.isfinite(height_m)

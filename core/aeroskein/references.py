@@ -18,7 +18,7 @@ from aeroskein.measurements import COLUMNS
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.publishing import Vertical
 from aeroskein.registration import Comparisons
-from aeroskein.windows import REPORT, Window
+from aeroskein.windows import Window
 
 __all__ = ["ReferenceSampler", "compare"]
 
@@ -130,7 +130,7 @@ def compare(
 def _fit(state: EngineState, window: Window, lane: Ints, time_s: Array, trusted: Bools) -> tuple[Array, Array, Bools]:
     """Position and velocity ``(4, n)`` at the given times, position covariance ``(n, 3)``, where there is a fit."""
     dt = (window.time_s[:, lane] - time_s).T
-    own = (window.kind == REPORT) & ~state.sensors.is_radar[window.sensor_index] & trusted
+    own = window.reported & ~state.sensors.is_radar[window.sensor_index] & trusted
     use = own[:, lane].T & (np.abs(dt) <= REACH_S)
     anchored = (use.sum(axis=1) >= FEWEST) & ((np.abs(dt) <= NEAREST_S) & use).any(axis=1)
     x = np.full((4, len(lane)), np.nan)

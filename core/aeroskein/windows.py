@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.measurements import COLUMN_COUNT, COLUMNS
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Bools, Ints
 
-__all__ = ["CENTRE", "NOTHING", "REPORT", "SETTLED", "Window", "gather"]
+__all__ = ["CENTRE", "FOUNDING", "NOTHING", "REPORT", "SETTLED", "Window", "gather"]
 
 TIME: Final = COLUMNS.index("time_s")
 SENSOR: Final = COLUMNS.index("sensor")
 
-# Kinds of event.
+# Kinds of event. A founding report stands at the very start of the window: the state there is made of it, so it counts
+# as a report and changes nothing.
+FOUNDING: Final = -1
 NOTHING: Final = 0
 REPORT: Final = 1
 CENTRE: Final = 2
@@ -59,9 +61,14 @@ class Window:
         return self.columns[_INDEX[name]] if name in _INDEX else _missing(name)
 
     @property
+    def reported(self) -> Bools:
+        """Where there is a report, founding ones included, ``(K, n)``."""
+        return np.asarray((self.kind == REPORT) | (self.kind == FOUNDING))
+
+    @property
     def sensor_index(self) -> Ints:
         """Sensor of each report ``(K, n)``, 0 where there is none."""
-        return np.where(self.kind == REPORT, self.columns[SENSOR], 0.0).astype(np.int64)
+        return np.where(self.reported, self.columns[SENSOR], 0.0).astype(np.int64)
 
 
 _INDEX: Final = {name: index for index, name in enumerate(COLUMNS)}
@@ -71,21 +78,21 @@ def _missing(name: str) -> Array:
     raise AttributeError(name)
 
 
-def gather(rows: Array, after_s: Array, until_s: Array, centre_s: Array, settled_s: Array) -> Window:
-    """Take the reports with ``after_s < time <= until_s``, add the marks, and sort.
+def gather(rows: Array, from_s: Array, until_s: Array, centre_s: Array, settled_s: Array) -> Window:
+    """Take the reports with ``from_s <= time <= until_s``, add the marks, and sort.
 
     Parameters
     ----------
     rows : (n, depth, COLUMN_COUNT) array
         Ring contents of the closing tracks.
-    after_s, until_s : (n,) arrays
-        The window. [s since the epoch]
+    from_s, until_s : (n,) arrays
+        The window; reports at its very start are founding ones. [s since the epoch]
     centre_s, settled_s : (n,) arrays
         The marks; where they coincide there is one mark, ``CENTRE``. [s since the epoch]
     """
     n = len(rows)
     times = rows[:, :, TIME]
-    inside = (times > after_s[:, None]) & (times <= until_s[:, None])
+    inside = (times >= from_s[:, None]) & (times <= until_s[:, None]) & np.isfinite(times)
     # Marks go last, so that a report at the very instant of a mark comes before it (the sort is stable).
     marks = np.stack([centre_s, np.where(settled_s == centre_s, np.inf, settled_s)], axis=1)
     keys = np.concatenate([np.where(inside, times, np.inf), marks], axis=1)
@@ -100,7 +107,7 @@ def gather(rows: Array, after_s: Array, until_s: Array, centre_s: Array, settled
     place = np.minimum(order, depth - 1)
     packed[...] = rows[lanes[:, None], place]
     packed[:, :, TIME] = np.minimum(np.take_along_axis(keys, order, axis=1), NEVER_S)
-    kind = np.full((n, K), REPORT, dtype=np.int8)
+    kind = np.where(packed[:, :, TIME] > from_s[lanes, None], np.int8(REPORT), np.int8(FOUNDING))
     kind[is_mark] = CENTRE + (order[is_mark] - depth)
     kind[np.arange(K) >= count[:, None]] = NOTHING
     active = [int(m) for m in (count[:, None] > np.arange(K)).sum(axis=0)]

@@ -245,6 +245,8 @@ def test_a_report_at_the_settled_time_is_in_the_state_already() -> None:
     e, window = alone(twice, begin, centre=2.0, until=6.0)
 
     assert not (window.kind == REPORT).any()
+    assert window.reported.sum() == 1
+    assert not e.reason.any()
     plain.close(e.x[:, 0], plain.transition(2.0) @ begin.x)
 
 

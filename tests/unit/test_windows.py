@@ -8,7 +8,7 @@ from tests.builders import measurements
 
 from aeroskein.buffers import ReportBuffers
 from aeroskein.measurements import COLUMNS
-from aeroskein.windows import CENTRE, NOTHING, REPORT, SETTLED, Window, gather
+from aeroskein.windows import CENTRE, FOUNDING, NOTHING, REPORT, SETTLED, Window, gather
 
 EVERYTHING = (-np.inf, np.inf)
 
@@ -25,10 +25,10 @@ def rings(*times: list[float], depth: int = 8) -> np.ndarray:
 
 
 def gathered(
-    rows: np.ndarray, centre: float, settled: float, after: float = EVERYTHING[0], until: float = EVERYTHING[1]
+    rows: np.ndarray, centre: float, settled: float, begin: float = EVERYTHING[0], until: float = EVERYTHING[1]
 ) -> Window:
     n = len(rows)
-    return gather(rows, *(np.full(n, value) for value in (after, until, centre, settled)))
+    return gather(rows, *(np.full(n, value) for value in (begin, until, centre, settled)))
 
 
 def told(window: Window, lane: int) -> list[tuple[int, float]]:
@@ -44,10 +44,18 @@ def test_reports_come_in_order_of_time() -> None:
     assert window.stamp_s[window.kind == REPORT].tolist() == [1.0, 2.0, 3.0]
 
 
-def test_the_window_is_open_at_its_start_and_closed_at_its_end() -> None:
-    window = gathered(rings([1.0, 2.0, 3.0, 4.0]), centre=2.5, settled=2.5, after=1.0, until=3.0)
+def test_only_reports_of_the_window_are_there() -> None:
+    window = gathered(rings([0.9, 2.0, 3.0, 3.1]), centre=2.5, settled=2.5, begin=1.0, until=3.0)
 
     assert told(window, 0) == [(REPORT, 2.0), (CENTRE, 2.5), (REPORT, 3.0)]
+
+
+def test_reports_at_the_very_start_are_founding_ones() -> None:
+    window = gathered(rings([2.0, 1.0, 1.0]), centre=2.5, settled=1.0, begin=1.0)
+
+    assert told(window, 0) == [(FOUNDING, 1.0), (FOUNDING, 1.0), (SETTLED, 1.0), (REPORT, 2.0), (CENTRE, 2.5)]
+    assert window.reported[:, 0].tolist() == [True, True, False, True, False]
+    assert window.sensor_index[:2, 0].tolist() == [1, 2]
 
 
 def test_marks_at_one_instant_are_one_mark() -> None:
@@ -119,11 +127,13 @@ def test_every_report_of_the_window_is_there_once(
 ) -> None:
     settled = centre * share
 
-    window = gathered(rings(*tracks), centre=centre, settled=settled, after=1.0, until=until)
+    window = gathered(rings(*tracks), centre=centre, settled=settled, begin=1.0, until=until)
 
     assert sorted(window.lanes.tolist()) == list(range(len(tracks)))
     for lane, slot in enumerate(window.lanes):
         events = told(window, lane)
-        assert [t for kind, t in events if kind == REPORT] == sorted(t for t in tracks[slot] if 1.0 < t <= until)
-        assert [t for kind, t in events if kind != REPORT] == sorted({settled, centre})
+        reports = [t for t in tracks[slot] if 1.0 <= t <= until]
+        assert [t for kind, t in events if kind == REPORT] == sorted(t for t in reports if t > 1.0)
+        assert [t for kind, t in events if kind == FOUNDING] == [t for t in reports if t == 1.0]
+        assert [t for kind, t in events if kind >= CENTRE] == sorted({settled, centre})
         assert [t for _, t in events] == sorted(t for _, t in events)
