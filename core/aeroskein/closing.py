@@ -14,6 +14,7 @@ import numpy as np
 
 from aeroskein import manoeuvre
 from aeroskein.closed import Closed, Estimate
+from aeroskein.elements import element_boundaries
 from aeroskein.estimator import estimate
 from aeroskein.gating import GateMemory
 from aeroskein.measurements import COLUMNS
@@ -76,16 +77,21 @@ class ElementTable:
         not_before_s : (n,) array
             End of what was published before a restart; no element starts earlier. [s since the epoch]
         """
-        fusion = self._settings.fusion
         start_s = np.maximum(first_s, not_before_s)
-        steps = fusion.element_s * np.arange(fusion.lookahead + 2)
         self.open[slots] = True
-        self.boundaries_s[slots] = start_s[:, None] + steps
+        self.boundaries_s[slots] = start_s[:, None] + self._first_boundaries_s()
         self.settled_s[slots] = first_s
         self.index[slots] = 0
         self.states[slots] = np.concatenate([x, P]).T
         self.gates.put(slots, GateMemory.empty(len(slots), self.gates.misses.shape[1]))
         self.detector.start(slots, x, P, first_s)
+
+    def _first_boundaries_s(self) -> Array:
+        """Division points of a new track after its start, ``(lookahead + 2,)``: the odd series begins with a half."""
+        fusion = self._settings.fusion
+        n = fusion.lookahead + 2
+        series = self._settings.patent.series if fusion.mode == "patent" else "natural"
+        return n * fusion.element_s * element_boundaries(n, series)[:n]
 
     def stop(self, slots: Ints) -> None:
         """End the elements of terminated tracks."""
