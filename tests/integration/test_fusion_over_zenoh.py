@@ -67,6 +67,7 @@ def flown(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
         for product in PRODUCTS:
             on_keys[product].wait_for(lambda points, n=wanted[product]: len(points) == n, f"all {product} points")
             feeds[product].wait_for(lambda batches, n=wanted[product]: len(points_of(batches)) == n, "the whole feed")
+        status.wait_for(lambda states: states[-1] == service.status, "the last status")
         wait_until(lambda: not session.alive(KEYS.alive_fusion()), "the token to go")
         yield Flown(
             {product: listener.received for product, listener in on_keys.items()},

@@ -116,19 +116,21 @@ def states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
     config = make_config(folder, endpoint, PREFIX, {"fusion.watermark_s": 10.0}, sensors=sensors)
     with Router(listen=[endpoint]), connect(endpoint) as session, running(config) as service:
         at_s = time.time()
-        # Kept to the end: only a living publisher can repeat what was put before the subscription was known.
         speakers = [Sensor(session, KEYS, sensor_id(name)) for name in CASES]
-        for index, (sensor, case) in enumerate(zip(speakers, CASES.values(), strict=True)):
-            good = flight(f"{0x400100 + index:06X}", at_s, GOOD + 3)
+        flights = [flight(f"{0x400100 + index:06X}", at_s, GOOD + 3) for index in range(len(CASES))]
+
+        def all_have(batches: int) -> Any:
+            state = service.status["sensors"] if service.status else {}
+            return all(state.get(s.sensor, {"batches": 0})["batches"] == batches for s in speakers) and state
+
+        for sensor, good in zip(speakers, flights, strict=True):
             sensor.send(good[: GOOD // 2])
+        # What is put past a sensor's own publisher is not repeated, so every subscription must be known before.
+        wait_until(lambda: all_have(1), "a batch of every sensor")
+        for sensor, good, case in zip(speakers, flights, CASES.values(), strict=True):
             session.put(KEYS.reports(sensor.sensor), case.payload(sensor, good[GOOD:]), case.encoding)
             sensor.send(good[GOOD // 2 : GOOD])
-
-        def settled() -> Any:
-            state = service.status["sensors"] if service.status else {}
-            return all(state.get(sensor_id(name), {"batches": 0})["batches"] == 3 for name in CASES) and state
-
-        yield wait_until(settled, "three batches of every sensor")
+        yield wait_until(lambda: all_have(3), "three batches of every sensor")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -29,9 +29,8 @@ from tests.integration.harness import (
     write_config,
 )
 
-from aeroskein_service.neighbours import AnotherServiceError
-from aeroskein_service.service import Service
-from aeroskein_service.transport import Router
+from aeroskein_service.neighbours import AnotherServiceError, claim
+from aeroskein_service.transport import Router, Session
 
 
 def one_sentence(process: Process) -> str:
@@ -139,27 +138,37 @@ def test_second_service_refuses_to_start(tmp_path, endpoint, keys):
         assert "another fusion service, 'first', is alive" in second.err.splitlines()[-1]
 
 
-def test_of_two_started_together_the_lower_name_stays(tmp_path, endpoint, keys):
-    # Given two services whose starts overlap
-    services = {
-        name: Service(make_config(tmp_path, endpoint, keys.prefix, {"service.instance": name})) for name in ("a", "b")
-    }
+class TogetherSession(Session):
+    """A session that goes on after its first look around only when the other has looked too."""
+
+    barrier = threading.Barrier(2)
+    looked = False
+
+    def alive(self, key: str, *, timeout_s: float = 2.0) -> list[str]:
+        found = super().alive(key, timeout_s=timeout_s)
+        if not self.looked:
+            self.looked = True
+            self.barrier.wait(30.0)
+        return found
+
+
+def test_of_two_started_together_the_lower_name_stays(endpoint, keys):
+    # Given two services that both have seen nobody
     refused = {}
 
-    def start(name: str) -> None:
+    def start(name: str, session: Session) -> None:
         try:
-            services[name].start(threading.Event())
+            claim(TogetherSession(session._session), keys, name, threading.Event())
         except AnotherServiceError as error:
             refused[name] = str(error)
 
-    threads = [threading.Thread(target=start, args=(name,)) for name in services]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    # Then exactly the higher one has given up
-    for service in services.values():
-        service.stop()
+    with connect(endpoint) as one, connect(endpoint) as other:
+        threads = [threading.Thread(target=start, args=pair) for pair in (("a", one), ("b", other))]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    # Then the higher one gives up
     assert list(refused) == ["b"]
     assert "'a'" in refused["b"]
 
