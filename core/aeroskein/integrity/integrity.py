@@ -287,7 +287,9 @@ class Integrity:
         if (in_doubt & ~self._in_doubt).any():
             self._agreement.forget_slow()
         self._in_doubt = in_doubt
-        strong: Bools = several & (np.sort(by_sensor, axis=0)[-2] > DISAGREE_SIGMAS + 1.0)
+        # With one sensor alone ``several`` is false everywhere.
+        second = np.sort(by_sensor, axis=0)[max(len(by_sensor) - 2, 0)]
+        strong: Bools = several & (second > DISAGREE_SIGMAS + 1.0)
         self._region = int(several.sum()) if int(several.sum()) >= DOUBT_TRACKS else 0
         return strong
 
