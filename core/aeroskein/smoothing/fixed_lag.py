@@ -111,8 +111,9 @@ class _Windows:
     def _element(self, j: int) -> tuple[Ints, Bools, Bools]:
         """Row of the j-th element of each window, whether the window has one, and whether it is the instant."""
         row = self._settled + j - (j > self._instant)
-        inside = j < self._elements
-        return np.where(inside, row, self._settled), inside, np.asarray(j == self._instant)
+        inside, is_instant = j < self._elements, np.asarray(j == self._instant)
+        # The instant has no row of its own, and after the last report of the table there is none at all.
+        return np.where(inside & ~is_instant, row, self._settled), inside, is_instant
 
     def _allowed(self, at_s: Array) -> Array:
         m = self._measurements
