@@ -62,8 +62,8 @@ def options(
     return None
 
 
-def _call(command: str, **arguments: Any) -> int:
-    """Run ``commands/<command>.py`` and give its exit status; an argument ``_Load`` is loaded first."""
+def _call(command: str, entry: str = "run", **arguments: Any) -> int:
+    """Run ``entry`` of ``commands/<command>.py`` and give its exit status; an argument ``_Load`` is loaded first."""
     name = f"aeroskein_service.commands.{command}"
     try:
         module = importlib.import_module(name)
@@ -75,7 +75,7 @@ def _call(command: str, **arguments: Any) -> int:
     for key, value in arguments.items():
         if isinstance(value, _Load):
             arguments[key] = _loaded(value)
-    return int(module.run(**arguments) or DONE)
+    return int(getattr(module, entry)(**arguments) or DONE)
 
 
 class _Load(NamedTuple):
@@ -297,9 +297,14 @@ def export(
 @app.command()
 def health(
     url: Annotated[str, typer.Option("--url", help="Of the service.")] = "http://127.0.0.1:8080",
+    alive: Annotated[
+        str | None, typer.Option("--alive", metavar="PROCESS", help="Ask Zenoh: router, sensor-adsb, watch, fusion.")
+    ] = None,
 ) -> int:
-    """Exit status 0 when the service is ready."""
-    return _call("health", url=url)
+    """Exit status 0 when the service is ready, or the process alive."""
+    if alive is None:
+        return _call("health", url=url)
+    return _call("health", entry="run_alive", config=_Load(None, sensors_required=False), service=alive)
 
 
 @config_app.command("show")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from aeroskein_service.config import load_config
-from aeroskein_service.keys import Keys, default_instance
+from aeroskein_service.keys import Keys
 from aeroskein_service.signals import end_within, stop_on_signals
 from aeroskein_service.transport import Router
 
@@ -41,9 +41,9 @@ def run(config: Path | None = None, listen: Sequence[str] = ()) -> int:
     if config is None and not listen:
         listen = ("tcp/0.0.0.0:7447",)
     router = Router(listen=listen, config_file=config)
-    # Only the prefix is of interest, and only the environment can set it for a router.
-    prefix = load_config(sensors_required=False).zenoh.prefix
-    router.declare_alive(Keys(prefix).alive("router", default_instance()))
+    # Only prefix and instance are of interest, and only the environment can set them for a router.
+    settings = load_config(sensors_required=False)
+    router.declare_alive(Keys(settings.zenoh.prefix).alive("router", settings.service.effective_instance))
     print(f"routing at {', '.join(listen) or f'the endpoints of {config}'}", file=sys.stderr)
     stop.wait()
     timer = end_within(STOP_S)

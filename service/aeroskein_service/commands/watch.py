@@ -55,8 +55,10 @@ def run(
         session = open_session(config.zenoh.link, announce=lambda what: print(what, file=sys.stderr), stop=stop)
     except OpenCancelledError:
         return 0
+    keys = Keys(config.zenoh.prefix)
     try:
-        consumer = Consumer(session, Keys(config.zenoh.prefix), product, None if track is None else track.upper())
+        session.declare_alive(keys.alive("watch", config.service.effective_instance))
+        consumer = Consumer(session, keys, product, None if track is None else track.upper())
         console = Console()
         if console.is_terminal and not as_json:
             _draw(console, consumer, stop, f"fused points, {product}")

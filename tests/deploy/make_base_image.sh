@@ -1,0 +1,29 @@
+#!/usr/bin/env bash
+# Stands in for the registry where no image can be pulled: makes, from Debian's packages, the image that
+# deploy/Dockerfile starts from, and gives it that name. Whoever can pull does not need it.
+#
+#   tests/deploy/make_base_image.sh [NAME]        needs root, debootstrap and a Docker engine
+set -euo pipefail
+here="$(cd "$(dirname "$0")" && pwd)"
+name="${1:-$(sed -n 's/^ARG BASE=//p' "$here/../../deploy/Dockerfile")}"
+
+if docker image inspect "$name" >/dev/null 2>&1; then
+    echo "$name is there already"
+    exit 0
+fi
+if ! command -v debootstrap >/dev/null; then
+    echo "debootstrap is missing: apt-get install debootstrap" >&2
+    exit 1
+fi
+
+root="$(mktemp -d)"
+trap 'rm -rf "$root"' EXIT
+# Debian 12 has the same Python 3.11 and the same C library as the official image of that name.
+debootstrap --variant=minbase --include=python3-minimal,python3-venv,ca-certificates,libstdc++6 \
+    bookworm "$root" >"$root.log" 2>&1 || { tail -5 "$root.log" >&2; exit 1; }
+rm -f "$root.log"
+# What no container needs: package lists, manuals, translations of messages.
+rm -rf "$root"/var/lib/apt/lists/* "$root"/var/cache/apt/* "$root"/var/log/* \
+    "$root"/usr/share/{doc,man,info,locale}/*
+tar -C "$root" -c . | docker import --change 'CMD ["python3"]' - "$name" >/dev/null
+docker image inspect --format "{{.Size}}" "$name" | awk -v name="$name" '{printf "%s: %.0f MB\n", name, $1 / 1e6}'
