@@ -177,3 +177,15 @@ def test_process_tree_names_the_child_that_died_and_its_last_words(tmp_path):
         assert stop.wait(30.0)
         assert tree.died is not None
         assert tree.died.startswith("wrong ended with status 2: aeroskein: ")
+
+
+def test_service_ends_in_order_when_its_router_is_gone(tmp_path, keys):
+    endpoint = free_endpoint()
+    with Process(tmp_path, "router", "--listen", endpoint) as router:
+        router.wait_for_err("routing")
+        with Process(tmp_path, "run", "--config", write_config(tmp_path, endpoint, keys.prefix)) as service:
+            service.wait_for_err("service_started")
+            router.signal(signal.SIGKILL)
+            router.wait()
+            assert service.stop() == 0
+            assert "service_stopped" in service.err
