@@ -29,7 +29,7 @@ SPIKES: Final = 4
 
 
 def diverged(
-    result: Filtered, measurements: Measurements, excluded: Bools, settings: AdsbFilterSettings
+    result: Filtered, original: Measurements, excluded: Bools, settings: AdsbFilterSettings
 ) -> NDArray[np.uint8]:
     """Judge the result of each flight.
 
@@ -37,10 +37,10 @@ def diverged(
     ----------
     result : Filtered
         Estimates; ``correction`` is filled in here.
-    measurements : Measurements
-        The reports they come from.
+    original : Measurements
+        The reports as they came, before any repair.
     excluded : (n,) bool
-        Reports that are no part of the original track: they were repaired.
+        Reports that are no part of the original track.
     settings : AdsbFilterSettings
         The limits.
 
@@ -49,17 +49,17 @@ def diverged(
     (flights,) uint8
         ``CORRECTION | ACROSS | SPIKES``, 0 where the result stands.
     """
-    flight = measurements.slot
-    reported = np.stack([measurements.east_m, measurements.north_m], axis=1)
-    R = position_covariance(measurements, result.velocity_mps)
+    flight = original.slot
+    reported = np.stack([original.east_m, original.north_m], axis=1)
+    R = position_covariance(original, result.velocity_mps)
     result.correct(reported, R, settings.outlier_sigmas)
     first = np.flatnonzero(~continues(flight))
-    counted = np.isfinite(result.correction)
+    counted = np.isfinite(result.correction) & ~excluded
     total = np.add.reduceat(np.where(counted, result.correction, 0.0), first)
     mean = total / np.maximum(np.add.reduceat(counted.astype(np.int64), first), 1)
     # An outlier is no part of the track it lies beside; those that are too many raise the mean correction.
     track = np.isfinite(reported[:, 0]) & ~excluded & result.accepted
-    sigma = np.sqrt(0.5 * (measurements.r_ee + measurements.r_nn))
+    sigma = np.sqrt(0.5 * (original.r_ee + original.r_nn))
     limit = np.maximum(settings.max_across_sigmas * sigma, settings.max_across_m)
     outside = np.logical_or.reduceat(across_m(flight, reported, track, result.position_m) > limit, first)
     before = _spike_counts(flight, reported, np.isfinite(reported[:, 0]), settings)

@@ -9,7 +9,7 @@ from filtered to the original track; such points carry the flag ``guarded``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Final
 
 import numpy as np
@@ -69,7 +69,11 @@ class _Prepared:
     planes: Planes
     height_m: Array
     measurements: Measurements
-    repaired: Bools
+    """With bad positions repaired, where that was asked for."""
+    original: Measurements
+    """As they were reported."""
+    excluded: Bools
+    """Reports that are no part of the original track: spikes and jumps that were repaired."""
 
 
 def filter_reports(
@@ -115,8 +119,9 @@ def filter_reports(
     parts, guarded_parts = [], []
     for rows in _chunks(flight):
         part, guarded = filter_flights(
-            _renumbered(prepared.measurements, rows), prepared.repaired[rows], settings, model, smooth, summary
-        )
+            _renumbered(prepared.measurements, rows), _renumbered(prepared.original, rows), prepared.excluded[rows],
+            settings, model, smooth, summary,
+        )  # fmt: skip
         parts.append(part)
         guarded_parts.append(guarded)
     result = Filtered(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Filtered)})
@@ -159,12 +164,15 @@ def _prepare(
     summary.spikes, summary.too_fast, summary.accelerations = (
         int((found & bit > 0).sum()) for bit in (SPIKE, SPEED, ACCELERATION)
     )
-    bad = found > 0 if settings.indicators == "published" else np.zeros(len(found), dtype=np.bool_)
-    if bad.any():
+    original, excluded = measurements, np.zeros(len(found), dtype=np.bool_)
+    if settings.indicators == "published":
+        # The start was chosen with care, and has no neighbour to interpolate from.
+        bad = (found > 0) & continues(measurements.slot)
         position_m = repair(measurements, bad)
-        measurements.east_m, measurements.north_m = position_m[:, 0].copy(), position_m[:, 1].copy()
+        measurements = replace(measurements, east_m=position_m[:, 0].copy(), north_m=position_m[:, 1].copy())
+        excluded = bad & (found & (SPIKE | SPEED) > 0)
         summary.repaired = int(bad.sum())
-    return _Prepared(flights, _PlanesOf(planes, kept_flights), height_m, measurements, bad)
+    return _Prepared(flights, _PlanesOf(planes, kept_flights), height_m, measurements, original, excluded)
 
 
 class _PlanesOf:
@@ -211,7 +219,8 @@ def _renumbered(measurements: Measurements, rows: slice) -> Measurements:
 
 def filter_flights(
     measurements: Measurements,
-    repaired: Bools,
+    original: Measurements,
+    excluded: Bools,
     settings: AdsbFilterSettings,
     model: Model,
     smooth: bool,
@@ -223,8 +232,10 @@ def filter_flights(
     ----------
     measurements : Measurements
         Reports in the plane by flight and time; each flight begins with a position.
-    repaired : (n,) bool
-        Reports whose position was replaced: no part of the track that results are compared with.
+    original : Measurements
+        The same before any repair: what results are compared with, and fall back to.
+    excluded : (n,) bool
+        Reports of the original track that are no part of it.
     settings, model, smooth
         As in ``filter_reports``.
     summary : FilterSummary
@@ -238,10 +249,10 @@ def filter_flights(
         Which of them are a fallback.
     """
     flight = measurements.slot
-    candidates = _results(measurements, settings, model, smooth)
+    candidates = [*_results(measurements, settings, model, smooth), ("original", _original(original, excluded))]
     result = candidates[0][1]
     guarded = np.zeros(len(flight), dtype=np.bool_)
-    pending = diverged(result, measurements, repaired, settings) > 0
+    pending = diverged(result, original, excluded, settings) > 0
     for name, candidate in candidates[1:]:
         if not pending.any():
             break
@@ -250,14 +261,15 @@ def filter_flights(
         for f in fields(Filtered):
             getattr(result, f.name)[at] = getattr(candidate, f.name)[at]
         guarded |= at
-        pending &= (diverged(candidate, measurements, repaired, settings) > 0) & (name != "original")
+        if name != "original":
+            pending &= diverged(candidate, original, excluded, settings) > 0
     return result, guarded
 
 
 def _results(
     measurements: Measurements, settings: AdsbFilterSettings, model: Model, smooth: bool
 ) -> list[tuple[str, Filtered]]:
-    """The asked-for result first, then what it may fall back to."""
+    """The asked-for result first, then the simpler one it may fall back to."""
     start = start_states(measurements, settings)
     results = []
     if model == "linear":
@@ -271,19 +283,18 @@ def _results(
         if smooth:
             results.append(("smoothed", smooth_turning(turning, measurements, bank).filtered()))
         results.append(("filtered", turning.filtered()))
-    results.append(("original", _original(measurements)))
     return results
 
 
-def _original(measurements: Measurements) -> Filtered:
-    """The reports themselves with their own covariance, missing positions interpolated in time."""
-    result = Filtered.empty(len(measurements))
-    flight, time_s = measurements.slot, measurements.time_s
-    for axis, column in enumerate((measurements.east_m, measurements.north_m)):
-        result.position_m[:, axis] = interpolated(flight, time_s, column)
-    result.velocity_mps[:] = np.stack([measurements.v_east_mps, measurements.v_north_mps], axis=1)
+def _original(original: Measurements, excluded: Bools) -> Filtered:
+    """The reports themselves with their own covariance; missing and excluded positions interpolated in time."""
+    result = Filtered.empty(len(original))
+    flight, time_s = original.slot, original.time_s
+    for axis, column in enumerate((original.east_m, original.north_m)):
+        result.position_m[:, axis] = interpolated(flight, time_s, np.where(excluded, np.nan, column))
+    result.velocity_mps[:] = np.stack([original.v_east_mps, original.v_north_mps], axis=1)
     known = np.nan_to_num(result.velocity_mps)
-    result.position_cov_m2[:] = position_covariance(measurements, known)
-    result.velocity_cov_m2ps2[:] = measurements.velocity_variance[:, None, None] * np.eye(2)
-    result.accepted[:] = np.isfinite(measurements.east_m)
+    result.position_cov_m2[:] = position_covariance(original, known)
+    result.velocity_cov_m2ps2[:] = original.velocity_variance[:, None, None] * np.eye(2)
+    result.accepted[:] = np.isfinite(original.east_m) & ~excluded
     return result

@@ -97,7 +97,7 @@ def test_a_result_that_diverges_falls_back_to_the_reports() -> None:
     seen = turning_flights(2, (80,))
     summary = FilterSummary()
 
-    result, guarded = filter_flights(seen, np.zeros(80, dtype=np.bool_), stubborn, "linear", False, summary)
+    result, guarded = filter_flights(seen, seen, np.zeros(80, dtype=np.bool_), stubborn, "linear", False, summary)
 
     assert summary.fallbacks == {"original": 1}
     assert guarded.all()
@@ -106,10 +106,10 @@ def test_a_result_that_diverges_falls_back_to_the_reports() -> None:
 
 def test_a_smoothed_result_that_is_rejected_falls_back_to_the_filtered_one(monkeypatch: pytest.MonkeyPatch) -> None:
     candidates = [("smoothed", result_at(truth() + 500.0)), ("filtered", result_at(truth() + 1.0))]
-    monkeypatch.setattr(pipeline, "_results", lambda *_: [*candidates, ("original", result_at(truth()))])
+    monkeypatch.setattr(pipeline, "_results", lambda *_: candidates)
     summary = FilterSummary()
 
-    result, guarded = filter_flights(flight(), np.zeros(N, dtype=np.bool_), SETTINGS, "imm", True, summary)
+    result, guarded = filter_flights(flight(), flight(), np.zeros(N, dtype=np.bool_), SETTINGS, "imm", True, summary)
 
     assert summary.fallbacks == {"filtered": 1}
     assert guarded.all()
@@ -120,6 +120,6 @@ def test_flights_fall_back_one_by_one() -> None:
     settings = AdsbFilterSettings(linear_sigma_mps2=1e-6, outlier_sigmas=1e6)
     seen = turning_flights(2, (80, 12))
 
-    _, guarded = filter_flights(seen, np.zeros(92, dtype=np.bool_), settings, "linear", False, FilterSummary())
+    _, guarded = filter_flights(seen, seen, np.zeros(92, dtype=np.bool_), settings, "linear", False, FilterSummary())
 
     assert guarded.tolist() == [True] * 80 + [False] * 12

@@ -72,7 +72,7 @@ def braking(frozen: bool) -> Measurements:
 def test_a_frozen_velocity_does_not_pull_the_filter_off_the_runway(model: Any) -> None:
     seen, summary = braking(frozen=True), FilterSummary()
 
-    result, _ = filter_flights(seen, np.zeros(70, dtype=np.bool_), AdsbFilterSettings(), model, False, summary)
+    result, _ = filter_flights(seen, seen, np.zeros(70, dtype=np.bool_), AdsbFilterSettings(), model, False, summary)
 
     assert not summary.fallbacks
     # A few reports are lost until the velocity is found out, then positions alone lead.

@@ -91,13 +91,38 @@ def test_outliers_are_refused_and_counted() -> None:
 
 
 def test_published_indicators_repair_before_the_filter() -> None:
-    plots, _ = scene("terminal", outlier_probability=0.02)
+    # Exact time stamps and a metre of noise: what the published limits were made for.
+    plots, truth = scene("terminal", outlier_probability=0.02, position_sigma_m=0.5, time_sigma_s=0.0)
+
+    points, summary = filtered(plots, AdsbFilterSettings(indicators="published", max_acceleration_mps2=8.0))
+
+    assert 0.02 * len(plots) < summary.repaired < 0.2 * len(plots)
+    assert not summary.fallbacks
+    assert rms_of(points, truth) < 10.0
+
+
+def test_published_indicators_that_leave_too_little_are_found_out() -> None:
+    plots, truth = scene("terminal", outlier_probability=0.0)
 
     points, summary = filtered(plots, AdsbFilterSettings(indicators="published"))
 
-    # At one report a second most of good data breaks a limit.
-    assert summary.repaired > 0.5 * len(plots)
-    assert len(points) > 0.9 * len(plots)
+    # With jitter of 0.2 s nearly every position breaks a limit; interpolating between the rest cuts the turns.
+    assert summary.repaired > 0.9 * len(plots)
+    assert summary.fallbacks == {"original": summary.flights}
+    assert (points.flags & Flag.GUARDED > 0).all()
+    raw = rms_m(plots.lat_deg, plots.lon_deg, plots.address, plots.time_s, truth)
+    assert rms_of(points, truth) < 3.0 * raw
+
+
+def test_a_bad_speed_in_the_first_report_does_not_cost_the_start() -> None:
+    plots, _ = scene("terminal", outlier_probability=0.0, position_sigma_m=0.5, time_sigma_s=0.0)
+    first = plots.time_s < plots.time_s.min() + 0.9
+    plots.ground_speed_mps[first] = 350.0
+
+    points, summary = filtered(plots, AdsbFilterSettings(indicators="published", max_acceleration_mps2=8.0))
+
+    assert summary.too_fast >= first.sum() > 0
+    assert np.isfinite(points.lat_deg).all()
 
 
 def test_stale_positions_are_not_observations() -> None:
