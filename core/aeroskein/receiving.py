@@ -57,9 +57,11 @@ class Receiver:
         batch, named = self.identity.assign(batch, verdicts, now_s)
         verdicts.slot[batch.rows] = batch.slot
         self._clock.lap("identity", len(rows))
-        batch = self._unrepeated(batch, verdicts)
-        batch = batch.take(np.lexsort((batch.plots.time_s, batch.slot)))
+        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
         reports = self._measured(batch)
+        kept = self._unrepeated(batch, reports, verdicts)
+        kept = kept[np.lexsort((batch.plots.time_s[kept], batch.slot[kept]))]
+        batch, reports = batch.take(kept), reports.take(kept)
         _give_velocity(reports, named)
         # Before any gate: what a gate refuses may be what contradicts the own positions.
         self.believing.note(batch, reports)
@@ -95,7 +97,7 @@ class Receiver:
         slot = state.tracks.owner(plots.address)
         known = slot >= 0
         at = np.where(known, slot, 0)
-        offset, sigma = state.offsets.applied(slot, state.tracks.frame[at], before)
+        offset, sigma = state.offsets.applied(slot, *conversion.rough_place(plots, state.sensors), before)
         geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
         blind = np.isnan(geometric) & known
         if blind.any():
@@ -110,11 +112,9 @@ class Receiver:
         time_sigma_s = np.hypot(state.sensors.time_sigma_s[raw.sensor], left)
         return conversion.measure(raw, batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
 
-    def _unrepeated(self, batch: Batch, verdicts: Verdicts) -> Batch:
-        """Refuse late, implausible, duplicate and stale reports."""
+    def _unrepeated(self, batch: Batch, reports: Measurements, verdicts: Verdicts) -> Ints:
+        """Refuse implausible, duplicate and stale reports; returns the rows of the others."""
         state = self._state
-        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
-        reports = self._measured(batch)
         slot, bank = batch.slot, state.live.bank
         known = np.isfinite(bank.time_s[slot])
         east, north, v_east, v_north = bank.steady(slot)
@@ -132,7 +132,7 @@ class Receiver:
         duplicate[at] |= state.buffers.holds(reports.take(at))
         for where, reason in ((implausible, Reason.IMPLAUSIBLE), (stale, Reason.STALE), (duplicate, Reason.DUPLICATE)):
             verdicts.reason[batch.rows[where]] = reason
-        return batch.take(~(implausible | stale | duplicate))
+        return np.flatnonzero(~(implausible | stale | duplicate))
 
     def _begin_states(self, reports: Measurements) -> Bools:
         """Live states of tracks whose first usable report is here; returns which reports those are."""
