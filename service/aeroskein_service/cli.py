@@ -155,10 +155,17 @@ def simulate(
 @app.command()
 def web(
     config: opt.OptionalConfig = None,
-    file: Annotated[Path | None, typer.Argument(metavar="FILE", exists=True, help="A fused or report file.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", exists=True, dir_okay=False, help="A fused or report file.")
+    ] = None,
+    listen: Annotated[
+        str | None, typer.Option("--listen", metavar="HOST:PORT", help="Instead of http.listen.")
+    ] = None,
+    connect: Annotated[str | None, typer.Option("--connect", metavar="ENDPOINT", help="The router.")] = None,
 ) -> int:
     """The page, as a consumer of the feed or over a fused or report file."""
-    return _call("web", config=_Load(config, sensors_required=False), file=file)
+    changes = {"http.listen": listen, "zenoh.connect": None if connect is None else [connect]}
+    return _call("web", config=_Load(config, False, changes), file=file)
 
 
 @app.command()

@@ -139,6 +139,12 @@ class HttpSettings(BaseModel):
 
     listen: str = "127.0.0.1:8080"
     """Address of the page, with /livez, /readyz and /metrics behind it; empty switches all of them off."""
+    origins: tuple[str, ...] = ()
+    """Further origins whose pages may connect, such as https://tower.example: the page behind a proxy."""
+    viewers: int = Field(default=50, ge=1, le=10_000)
+    """Browsers that may look at the page at a time."""
+    layers: tuple[str, ...] = ()
+    """GeoJSON files that are drawn on the map: airspace, routes."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -1,6 +1,7 @@
 """Health and metrics over HTTP: ``/livez``, ``/readyz`` and ``/metrics`` from a small thread of their own.
 
-It reads finished values only, so that a scrape never waits for the worker nor the worker for a scrape.
+It reads finished values only, so that a scrape never waits for the worker nor the worker for a scrape. Its own port is
+a free one on 127.0.0.1; at ``http.listen`` is the page, which passes these three on.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from starlette.routing import Route
 from aeroskein.errors import AeroskeinError
 from aeroskein_service.metrics import CONTENT_TYPE
 
-__all__ = ["HealthServer", "ListenError", "bind"]
+__all__ = ["HealthServer", "ListenError", "bind", "url_of"]
 
 STOP_S: Final = 2.0  # a client that keeps its connection open does not keep the service
 
@@ -48,6 +49,12 @@ def bind(listen: str) -> socket.socket:
     return listener
 
 
+def url_of(listener: socket.socket) -> str:
+    """The address of a listening socket for people and programs."""
+    host, port = listener.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
 class HealthServer:
     """Serves in the background from construction until ``close``.
 
@@ -70,8 +77,7 @@ class HealthServer:
         metrics: Callable[[], bytes],
     ) -> None:
         self._listener = listener
-        host, port = listener.getsockname()[:2]
-        self.url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+        self.url = url_of(listener)
         application = Starlette(
             routes=[
                 Route("/livez", _reasons(live)),

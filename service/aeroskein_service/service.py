@@ -15,7 +15,7 @@ from aeroskein.engine import FusionEngine
 from aeroskein.errors import SnapshotError
 from aeroskein_service.codec import PointEncoder
 from aeroskein_service.config import Config
-from aeroskein_service.http import HealthServer, bind
+from aeroskein_service.http import HealthServer, bind, url_of
 from aeroskein_service.inbox import Inbox
 from aeroskein_service.keys import Keys
 from aeroskein_service.metrics import Metrics
@@ -27,6 +27,7 @@ from aeroskein_service.stage_clock import StageClock
 from aeroskein_service.state_store import StateStore
 from aeroskein_service.status import Counters, is_fresh
 from aeroskein_service.transport import Session, open_session
+from aeroskein_service.web.page_process import PageProcess
 
 __all__ = ["Service"]
 
@@ -55,6 +56,7 @@ class Service:
         self._engine: FusionEngine | None = None
         self._runner: Runner | None = None
         self._store: StateStore | None = None
+        self._page: PageProcess | None = None
         self._waiting = "starting"
         self.instance = config.service.effective_instance
         self.http_url: str | None = None
@@ -160,12 +162,16 @@ class Service:
 
     # -- health --------------------------------------------------------------------------------------------------
     def _serve_health(self) -> None:
+        """Answer health checks on a port of our own; the page, a process of its own, has the public one."""
         if self._config.http.listen:
+            listener = bind(self._config.http.listen)
             metrics = Metrics(lambda: None if self._runner is None else self._runner.status, self._is_connected)
             server = HealthServer(
-                bind(self._config.http.listen), live=self.not_live, ready=self.not_ready, metrics=metrics.text
+                bind("127.0.0.1:0"), live=self.not_live, ready=self.not_ready, metrics=metrics.text
             )
-            self.http_url = self._held.enter_context(server).url
+            self._held.enter_context(server)
+            self.http_url = url_of(listener)
+            self._page = self._held.enter_context(PageProcess(listener, self._config, server.url))
 
     def _is_connected(self) -> bool:
         return self._session is not None and self._session.connected
@@ -212,6 +218,8 @@ class Service:
         if self._waiting == "stopped":
             return
         self._waiting = "stopping"
+        if self._page is not None:
+            self._page.end()
         for session in self._intake:
             session.close()
         if self._runner is not None:
