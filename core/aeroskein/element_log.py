@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from aeroskein import geodesy
 from aeroskein.closed import Closed
 from aeroskein.frames import FrameTable
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.points import Flag, FusedPoints, Status
 from aeroskein.reasons import Reason
 
 __all__ = ["ElementLog"]
@@ -41,12 +42,69 @@ class _Pass:
     x: Single
     half_width_m: Single
     seq: Ints
+    fused: _FusedColumns
     element_of: NDArray[np.int32]
     sensor: NDArray[np.int8]
     reason: NDArray[np.uint8]
     after_s: Single
     east_m: Single
     north_m: Single
+
+
+# What is kept of the fused points: full precision for place and time, single for what is small or read by people.
+_PLACES: Final = ("time_s", "lat_deg", "lon_deg")
+_NUMBERS: Final = ("altitude_m", "height_m", "ground_speed_mps", "track_angle_deg", "vertical_rate_mps")
+_COVARIANCES: Final = ("position_cov_m2", "velocity_cov_m2ps2")
+
+
+@dataclass(slots=True, eq=False)
+class _FusedColumns:
+    """Fused points of one pass, rows by element."""
+
+    places: Array
+    numbers: Single
+    covariances: Single
+    status: NDArray[np.uint8]
+    master: NDArray[np.int8]
+    flags: NDArray[np.uint16]
+    sources: NDArray[np.uint16]
+    rejected: NDArray[np.uint16]
+
+    @classmethod
+    def of(cls, points: FusedPoints) -> Self:
+        """Keep what the query shows."""
+        return cls(
+            np.stack([getattr(points, name) for name in _PLACES], axis=1),
+            np.stack([getattr(points, name) for name in _NUMBERS], axis=1).astype(np.float32),
+            np.concatenate([getattr(points, name) for name in _COVARIANCES], axis=1).astype(np.float32),
+            points.status,
+            points.master.astype(np.int8),
+            points.flags,
+            points.sources.astype(np.uint16),
+            points.rejected.astype(np.uint16),
+        )
+
+    def row(self, i: int, sensor_ids: list[str]) -> dict[str, Any]:
+        """One point as plain numbers; what is unknown is None."""
+        numbers, covariances = _known(self.numbers[i]), _known(self.covariances[i])
+        master = int(self.master[i])
+        return {
+            **dict(zip(_PLACES, _known(self.places[i]), strict=True)),
+            **dict(zip(_NUMBERS, numbers, strict=True)),
+            **{
+                name: None if None in (part := covariances[3 * k : 3 * k + 3]) else part
+                for k, name in enumerate(_COVARIANCES)
+            },
+            "status": Status(int(self.status[i])).name.lower(),
+            "master": sensor_ids[master] if master >= 0 else None,
+            "sources": {sensor_ids[k]: int(many) for k, many in enumerate(self.sources[i]) if many},
+            "rejected": int(self.rejected[i]),
+            "flags": [str(flag.name).lower() for flag in Flag if int(self.flags[i]) & flag],
+        }
+
+
+def _known(values: NDArray[Any]) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 class ElementLog:
@@ -57,7 +115,13 @@ class ElementLog:
         self._passes: deque[_Pass] = deque()
 
     def add(
-        self, closed: Closed, number: Ints, frame: Ints, seq: Ints, half_width_m: Array, reason: NDArray[np.uint8]
+        self,
+        closed: Closed,
+        number: Ints,
+        frame: Ints,
+        points: FusedPoints,
+        half_width_m: Array,
+        reason: NDArray[np.uint8],
     ) -> None:
         """Keep a pass of closed elements.
 
@@ -65,8 +129,10 @@ class ElementLog:
         ----------
         closed : Closed
             The elements.
-        number, frame, seq : (n,) int64
-            Track number, frame, and the sequence number of the fused point.
+        number, frame : (n,) int64
+            Track number and frame.
+        points : FusedPoints
+            The fused points, rows in the order of ``closed``.
         half_width_m : (n,) array
             Half distance of the boundary lines. [m]
         reason : (K, n) uint8
@@ -83,7 +149,8 @@ class ElementLog:
                 closed.centre_s,
                 closed.estimate.x.T.astype(np.float32),
                 half_width_m.astype(np.float32),
-                seq,
+                points.seq,
+                _FusedColumns.of(points),
                 lane.astype(np.int32),
                 w.sensor_index[event, lane].astype(np.int8),
                 reason[event, lane],
@@ -127,6 +194,7 @@ def _record(p: _Pass, i: int, frames: FrameTable, sensor_ids: list[str]) -> dict
         "division_points": _globe(frame, axis[[0, -1]]),
         "boundary_lines": [_globe(frame, axis + normal), _globe(frame, axis - normal)],
         "half_width_m": float(p.half_width_m[i]),
+        "point": p.fused.row(i, sensor_ids),
         "reports": [
             {
                 "sensor": sensor_ids[int(p.sensor[r])],

@@ -209,7 +209,7 @@ class FusionEngine:
         vertical = element_vertical(state, closed)
         points = element_points(state, closed, fused, vertical, master)
         number, frame = state.tracks.number[closed.slots], state.tracks.frame[closed.slots]
-        state.element_log.add(closed, number, frame, points.seq, fused.half_width_m, fused.reason)
+        state.element_log.add(closed, number, frame, points, fused.half_width_m, fused.reason)
         self._clock.lap("element points", len(slots))
         if self.settings.registration.enabled:
             trusted = self._receiver.believing.trusted(closed.slots)
