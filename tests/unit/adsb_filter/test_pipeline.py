@@ -21,11 +21,11 @@ TO_GEODETIC = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=Tr
 
 @functools.cache
 def _simulated(scenario: str, errors: SensorErrors) -> tuple[Plots, TruthStates]:
-    return run(ADSB, errors=(errors,), scenario=scenario, aircraft=3, duration_s=200.0)
+    return run(ADSB, errors=(errors,), scenario=scenario, aircraft=2, duration_s=160.0)
 
 
 def scene(scenario: str, **errors: Any) -> tuple[Plots, TruthStates]:
-    """Three aircraft for 200 s; the reports are a copy that may be changed."""
+    """Two aircraft for 160 s; the reports are a copy that may be changed."""
     plots, truth = _simulated(scenario, SensorErrors(sensor="adsb", **errors))
     return plots.take(np.arange(len(plots))), truth
 
@@ -102,7 +102,7 @@ def test_published_indicators_repair_before_the_filter() -> None:
 
 
 def test_published_indicators_that_leave_too_little_are_found_out() -> None:
-    plots, truth = scene("terminal", outlier_probability=0.0)
+    plots, truth = scene("hold", outlier_probability=0.0)
 
     points, summary = filtered(plots, AdsbFilterSettings(indicators="published"))
 
