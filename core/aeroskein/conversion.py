@@ -18,7 +18,7 @@ from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.radar_geometry import radar_covariance, radar_to_geodetic
 from aeroskein.settings import EngineSettings
 
-__all__ = ["Located", "SensorTable", "locate", "measure", "position_sigma_m", "velocity_sigma_mps"]
+__all__ = ["Located", "SensorTable", "locate", "measure", "position_sigma_m", "rough_place", "velocity_sigma_mps"]
 
 # A 95 % circle of a circular normal distribution has a radius of 2.448 sigma.
 RADIUS_95: Final = 2.448
@@ -99,6 +99,17 @@ class Located:
         return Located(
             self.lat_deg[rows], self.lon_deg[rows], self.height_m[rows], self.covariance[rows], self.feasible[rows]
         )
+
+
+def rough_place(plots: Plots, table: SensorTable) -> tuple[Array, Array]:
+    """Latitude and longitude ``(n,)`` within some kilometres, from nothing but the report itself. [deg]"""
+    lat, lon = plots.lat_deg.copy(), plots.lon_deg.copy()
+    at = np.flatnonzero(table.is_radar[plots.sensor] & np.isfinite(plots.range_m))
+    if len(at):
+        height = np.where(np.isnan(plots.altitude_m[at]), UNKNOWN_HEIGHT_M, plots.altitude_m[at])
+        fix = radar_to_geodetic(table.sites[plots.sensor[at]], plots.range_m[at], plots.azimuth_deg[at], height)
+        lat[at], lon[at] = fix.lat_deg, fix.lon_deg
+    return lat, lon
 
 
 def locate(plots: Plots, table: SensorTable, height_m: Array, height_sigma_m: Array, bias_sigmas: Array) -> Located:

@@ -97,7 +97,10 @@ class FusionEngine:
         return self._receiver.receive(plots, now_s, want_dispositions=self.want_dispositions)
 
     def _begin_block(self) -> None:
-        """What has been learned is applied to reports stamped from the next full ten seconds on."""
+        """What has been learned is applied to reports stamped from the next full ten seconds on.
+
+        Called first thing by whatever happens first then, so that what closes in the same moment never counts already.
+        """
         state = self._state
         if state.block.begins(self._now_s):
             state.offsets.begin_block()
@@ -109,6 +112,7 @@ class FusionEngine:
         state, events = self._state, list[Event]()
         self._now_s = self._advanced_s = now_s
         self._clock.start()
+        self._begin_block()
         self._start_elements(now_s)
         while True:
             due = np.flatnonzero(state.elements.open & (state.elements.due_s <= now_s))

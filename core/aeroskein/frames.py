@@ -21,9 +21,7 @@ class FrameTable:
     def near(self, lat_deg: Array, lon_deg: Array) -> Ints:
         """Index of the frame for each position ``(n,)``, made where there is none yet."""
         lat0, lon0 = geodesy.snap_origin(lat_deg, lon_deg)
-        steps = 1.0 / geodesy.ORIGIN_GRID_DEG
-        keys = np.round((lat0 + 90.0) * steps).astype(np.int64) * 10_000
-        keys += np.round((lon0 + 180.0) * steps).astype(np.int64)
+        keys = geodesy.origin_keys(lat_deg, lon_deg)
         missing, first = np.unique(keys[~np.isin(keys, self._keys)], return_index=True)
         if len(missing):
             at = np.flatnonzero(~np.isin(keys, self._keys))[first]

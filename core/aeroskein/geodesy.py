@@ -25,7 +25,7 @@ from aeroskein.ellipsoid import (
     height_scale,
     to_ecef,
 )
-from aeroskein.plots import Array
+from aeroskein.plots import Array, Ints
 from aeroskein.units import wrap_angle_deg
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "invert_axes",
     "local_axes",
     "move_frame",
+    "origin_keys",
     "rotate_covariance",
     "rotate_vector",
     "snap_origin",
@@ -97,6 +98,14 @@ def snap_origin(lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:
     step = np.searchsorted(_LON_STEP_FROM_LAT_DEG, np.abs(origin_lat) + 1e-9, side="right") - 1
     step_deg = _LON_STEPS_DEG[np.clip(step, 0, len(_LON_STEPS_DEG) - 1)]
     return origin_lat, wrap_angle_deg(np.round(wrap_angle_deg(lon_deg) / step_deg) * step_deg)
+
+
+def origin_keys(lat_deg: Array, lon_deg: Array) -> Ints:
+    """One number per origin of the grid, for each position ``(n,)``; -1 where a position is not known. [deg]"""
+    known = np.isfinite(lat_deg) & np.isfinite(lon_deg)
+    lat, lon = snap_origin(np.where(known, lat_deg, 0.0), np.where(known, lon_deg, 0.0))
+    rows = np.round((lat + 90.0) / ORIGIN_GRID_DEG).astype(np.int64)
+    return np.where(known, rows * 10_000 + np.round((lon + 180.0) / ORIGIN_GRID_DEG).astype(np.int64), -1)
 
 
 def to_plane(frames: Array, lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:

@@ -182,7 +182,6 @@ class Identity:
             self.grow(state.tracks.capacity)
         new = state.tracks.open(address, np.full(len(rows), owns, dtype=np.bool_))
         state.tracks.frame[new] = state.frames.near(batch.located.lat_deg[rows], batch.located.lon_deg[rows])
-        state.offsets.make_frames(len(state.frames.rows))
         state.clear(new)
         self.clear(new)
         self._on_open(new)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from aeroskein import geodesy
 from aeroskein.assembly import PlaneState, assemble
 from aeroskein.closed import Closed
 from aeroskein.engine_state import EngineState
@@ -107,7 +108,8 @@ def element_vertical(state: EngineState, closed: Closed) -> Vertical:
     count = both.sum(axis=0)
     total = np.where(both, height_m - altitude_m, 0.0).sum(axis=0)
     difference = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    state.offsets.learn(slots, state.tracks.frame[slots], difference)
+    frames = state.frames.rows[state.tracks.frame[slots]]
+    state.offsets.learn(slots, *geodesy.from_plane(frames, closed.estimate.x[0], closed.estimate.x[1]), difference)
     offset = state.offsets.own_m[slots]
     barometric = np.isfinite(altitude_m).any(axis=0) | np.isfinite(offset)
     value = np.where(np.isnan(altitude_m), height_m - np.where(barometric, offset, 0.0), altitude_m)

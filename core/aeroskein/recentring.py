@@ -38,7 +38,6 @@ def recentre(state: EngineState) -> Ints:
     old = state.frames.rows[state.tracks.frame[slots]]
     lat, lon = geodesy.from_plane(old, east[far], north[far])
     state.tracks.frame[slots] = state.frames.near(lat, lon)
-    state.offsets.make_frames(len(state.frames.rows))
     new = state.frames.rows[state.tracks.frame[slots]]
     _, _, turn = geodesy.move_frame(old, new, east[far], north[far])
     for bank in (state.live.bank, state.elements.detector):

@@ -107,13 +107,12 @@ def compare(
     smoothed = closed.estimate.P[lane][:, [0, 0, 1], [0, 1, 1]]
     altitude, height, rate = (column[lane] for column in vertical)
     own = np.isfinite(height)
-    frame = state.tracks.frame[slot]
-    offset, sigma = state.offsets.applied(slot, frame, np.zeros(len(slot), dtype=np.bool_))
+    frames = state.frames.rows[state.tracks.frame[slot]]
+    lat, lon = geodesy.from_plane(frames, x[0], x[1])
+    offset, sigma = state.offsets.applied(slot, lat, lon, np.zeros(len(slot), dtype=np.bool_))
     height = np.where(own, height, altitude + offset)
     reference_s = np.where(anchored, time, closed.centre_s[lane])
     climb = np.nan_to_num(rate) * (reference_s - closed.centre_s[lane])
-    frames = state.frames.rows[frame]
-    lat, lon = geodesy.from_plane(frames, x[0], x[1])
     back = geodesy.invert_axes(geodesy.local_axes(frames, lat, lon, height))
     v_east, v_north = geodesy.rotate_vector(back, x[2], x[3])
     return Comparisons.of(

@@ -5,7 +5,7 @@ import pytest
 
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.calibration import (
-    FRAME_SIGMA_M,
+    CELL_SIGMA_M,
     OWN_SIGMA_M,
     UNKNOWN_SIGMA_M,
     BlockTime,
@@ -16,20 +16,19 @@ from aeroskein.plots import Plots
 NOW, BEFORE = np.array([False]), np.array([True])
 
 
-def applied(offsets: HeightOffsets, slot: int, frame: int = 0, before: np.ndarray = NOW) -> tuple[float, float]:
-    offset, sigma = offsets.applied(np.array([slot]), np.array([frame]), before)
+HERE, NEAR, ELSEWHERE = (48.0, 11.5), (48.05, 11.45), (50.0, 14.0)
+
+
+def applied(
+    offsets: HeightOffsets, slot: int, place: tuple[float, float] = HERE, before: np.ndarray = NOW
+) -> tuple[float, float]:
+    offset, sigma = offsets.applied(np.array([slot]), np.array(place[:1]), np.array(place[1:]), before)
     return float(offset[0]), float(sigma[0])
 
 
-def learn(offsets: HeightOffsets, slot: int, *differences: float, frame: int = 0) -> None:
+def learn(offsets: HeightOffsets, slot: int, *differences: float, place: tuple[float, float] = HERE) -> None:
     for difference in differences:
-        offsets.learn(np.array([slot]), np.array([frame]), np.array([difference]))
-
-
-def offsets_of(capacity: int = 4, frames: int = 2) -> HeightOffsets:
-    made = HeightOffsets(capacity)
-    made.make_frames(frames)
-    return made
+        offsets.learn(np.array([slot]), np.array(place[:1]), np.array(place[1:]), np.array([difference]))
 
 
 # -- blocks -----------------------------------------------------------------------------------------------------------
@@ -48,7 +47,7 @@ def test_reports_belong_to_the_block_of_their_stamp() -> None:
 
 # -- height offsets ---------------------------------------------------------------------------------------------------
 def test_nothing_learned_is_no_offset_and_little_trust() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
     offsets.begin_block()
 
     assert applied(offsets, 0) == (0.0, UNKNOWN_SIGMA_M)
@@ -56,7 +55,7 @@ def test_nothing_learned_is_no_offset_and_little_trust() -> None:
 
 
 def test_what_is_learned_is_applied_from_the_next_block_on() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
     learn(offsets, 1, 60.0)
 
     assert applied(offsets, 1) == (0.0, UNKNOWN_SIGMA_M)
@@ -66,7 +65,7 @@ def test_what_is_learned_is_applied_from_the_next_block_on() -> None:
 
 
 def test_the_block_before_keeps_what_was_known_then() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
     learn(offsets, 1, 60.0)
     offsets.begin_block()
     learn(offsets, 1, 160.0)
@@ -77,37 +76,53 @@ def test_the_block_before_keeps_what_was_known_then() -> None:
 
 
 def test_neighbours_lend_their_offset_to_an_aircraft_that_reports_no_height() -> None:
-    offsets = offsets_of()
-    learn(offsets, 0, 60.0, frame=1)
-    learn(offsets, 1, 80.0, frame=1)
+    offsets = HeightOffsets(4)
+    learn(offsets, 0, 60.0, place=HERE)
+    learn(offsets, 1, 80.0, place=NEAR)
+    learn(offsets, 3, 10.0, place=ELSEWHERE)
     offsets.begin_block()
 
-    assert applied(offsets, 2, frame=1) == (70.0, FRAME_SIGMA_M)
-    assert applied(offsets, 2, frame=0) == (0.0, UNKNOWN_SIGMA_M)
+    for slot in (2, -1):
+        assert applied(offsets, slot, HERE) == (70.0, CELL_SIGMA_M)
+        assert applied(offsets, slot, ELSEWHERE) == (10.0, CELL_SIGMA_M)
 
 
-def test_a_new_frame_begins_with_what_the_others_have_learned() -> None:
-    offsets = offsets_of(frames=1)
-    learn(offsets, 0, 60.0)
+def test_where_nobody_has_taught_anything_the_mean_of_all_places_holds() -> None:
+    offsets = HeightOffsets(4)
+    learn(offsets, 0, 60.0, place=HERE)
+    learn(offsets, 1, 20.0, place=ELSEWHERE)
     offsets.begin_block()
 
-    offsets.make_frames(2)
+    assert applied(offsets, 2, (-30.0, 100.0)) == (40.0, CELL_SIGMA_M)
+    assert applied(offsets, 2, (-30.0, 100.0), before=BEFORE) == (0.0, UNKNOWN_SIGMA_M)
+    assert applied(offsets, 2, (np.nan, np.nan)) == (40.0, CELL_SIGMA_M)
 
-    assert applied(offsets, 1, frame=1) == (60.0, FRAME_SIGMA_M)
+
+def test_a_place_that_is_taught_in_the_middle_of_a_block_waits_for_the_next() -> None:
+    offsets = HeightOffsets(4)
+    learn(offsets, 0, 60.0, place=HERE)
+    offsets.begin_block()
+    learn(offsets, 1, 20.0, place=ELSEWHERE)
+
+    assert applied(offsets, 2, ELSEWHERE) == (60.0, CELL_SIGMA_M)
+    offsets.begin_block()
+    # The mean of all counts as one element.
+    assert applied(offsets, 2, ELSEWHERE) == (40.0, CELL_SIGMA_M)
 
 
 def test_several_elements_of_one_call_are_averaged() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
+    lat, lon = np.array([HERE, NEAR, ELSEWHERE]).T
 
-    offsets.learn(np.array([0, 1, 2]), np.array([1, 1, 0]), np.array([40.0, 60.0, np.nan]))
+    offsets.learn(np.array([0, 1, 2]), lat, lon, np.array([40.0, 60.0, np.nan]))
     offsets.begin_block()
 
-    assert applied(offsets, 3, frame=1)[0] == pytest.approx(50.0)
-    assert applied(offsets, 2, frame=0) == (0.0, UNKNOWN_SIGMA_M)
+    assert applied(offsets, 3, HERE)[0] == pytest.approx(50.0)
+    assert applied(offsets, 2, ELSEWHERE) == (50.0, CELL_SIGMA_M)
 
 
 def test_offsets_follow_the_weather() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
     learn(offsets, 0, *[50.0] * 300)
     learn(offsets, 0, *[90.0] * 600)
     offsets.begin_block()
@@ -117,25 +132,25 @@ def test_offsets_follow_the_weather() -> None:
 
 
 def test_a_new_track_in_an_old_slot_has_no_offset_of_its_own() -> None:
-    offsets = offsets_of()
+    offsets = HeightOffsets(4)
     learn(offsets, 0, 500.0)
     offsets.begin_block()
 
     offsets.clear(np.array([0]))
 
-    assert applied(offsets, 0)[1] == FRAME_SIGMA_M
+    assert applied(offsets, 0)[1] == CELL_SIGMA_M
     assert applied(offsets, 0, before=BEFORE)[1] == UNKNOWN_SIGMA_M
 
 
 def test_growth_keeps_offsets() -> None:
-    offsets = offsets_of(capacity=1)
+    offsets = HeightOffsets(1)
     learn(offsets, 0, 60.0)
     offsets.begin_block()
 
     offsets.grow(3)
 
     assert applied(offsets, 0) == (60.0, OWN_SIGMA_M)
-    assert applied(offsets, 2)[1] == FRAME_SIGMA_M
+    assert applied(offsets, 2)[1] == CELL_SIGMA_M
 
 
 # -- biases of radars -------------------------------------------------------------------------------------------------
