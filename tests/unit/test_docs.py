@@ -21,9 +21,15 @@ HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
 CODE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 
+@cache
+def files() -> tuple[Path, ...]:
+    """Every Python file of ours."""
+    return tuple(p for folder in ("core", "service", "tests", "benchmarks") for p in (ROOT / folder).rglob("*.py"))
+
+
 def file_named(name: str) -> Path:
-    """Where a file named on a page is: in the core, in the service, or from the top."""
-    places = (ROOT / name, CORE / name, ROOT / "service" / "aeroskein_service" / name)
+    """Where a file named on a page is: from the top, in the core, or where a page says its files are."""
+    places = [ROOT / name, CORE / name, *(p for p in files() if p.as_posix().endswith(f"/{name}"))]
     return next((place for place in places if place.is_file()), places[0])
 
 
