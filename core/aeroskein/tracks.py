@@ -102,7 +102,9 @@ class TrackTable:
             Where the track is the owner of its address and takes its key's name from it.
         """
         n = len(address)
-        slots = np.array([self._free.pop() for _ in range(n)], dtype=np.int64)
+        left = len(self._free) - n
+        slots = np.array(self._free[left:][::-1], dtype=np.int64)
+        del self._free[left:]
         for name, column in vars(self).items():
             if isinstance(column, np.ndarray) and not name.startswith("_"):
                 column[slots] = self._blank(name, column[:1].copy())
@@ -136,7 +138,7 @@ class TrackTable:
     def release(self, slots: Ints) -> None:
         """Give the slots of terminated tracks back."""
         self.used[slots] = False
-        self._free.extend(int(s) for s in slots)
+        self._free.extend(slots.tolist())
 
     def owner(self, address: NDArray[np.int32]) -> Ints:
         """Slot of the track that owns each address ``(n,)``, -1 where none does."""
