@@ -205,7 +205,7 @@ class TrackSettings:
     coast_min_s: float = 3.0
     """A track coasts after this, or 1.5 periods of its fastest live sensor, without a report. [s]"""
     capacity: int = 1024
-    """Track slots allocated at the start; grows by doubling."""
+    """Track slots allocated at the start; grows by a quarter."""
 
     def __post_init__(self) -> None:
         _require(
