@@ -8,7 +8,8 @@ from tests.filter_scenes import measurements, turning_flights
 
 from aeroskein.adsb_filter import pipeline
 from aeroskein.adsb_filter.divergence import ACROSS, CORRECTION, SPIKES, across_m, diverged
-from aeroskein.adsb_filter.pipeline import FilterSummary, filter_flights
+from aeroskein.adsb_filter.pipeline import filter_flights
+from aeroskein.adsb_filter.prepare import FilterSummary
 from aeroskein.adsb_filter.record import Filtered
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
 

@@ -7,7 +7,8 @@ import pytest
 from tests.filter_scenes import measurements
 
 from aeroskein.adsb_filter.gate import Gate
-from aeroskein.adsb_filter.pipeline import FilterSummary, filter_flights
+from aeroskein.adsb_filter.pipeline import filter_flights
+from aeroskein.adsb_filter.prepare import FilterSummary
 from aeroskein.adsb_filter.settings import AdsbFilterSettings
 from aeroskein.measurements import Measurements
 
