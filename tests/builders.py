@@ -178,9 +178,10 @@ class Drive:
         """
         plots = plots if isinstance(plots, Plots) else Plots.concatenate(list(plots))
         plots = plots.take(np.argsort(plots.received_s, kind="stable"))
-        ticks = np.ceil((plots.received_s - START_S) / TICK_S).astype(np.int64)
+        now = round((self.now_s - START_S) / TICK_S)
+        ticks = np.maximum(np.ceil((plots.received_s - START_S) / TICK_S).astype(np.int64), now + 1)
         last = int(ticks.max(initial=0)) if until_s is None else round(until_s / TICK_S)
-        for tick in range(round((self.now_s - START_S) / TICK_S) + 1, last + 1):
+        for tick in range(now + 1, last + 1):
             self.now_s = START_S + tick * TICK_S
             batch = plots.take(np.flatnonzero(ticks == tick))
             if len(batch):

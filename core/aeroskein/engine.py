@@ -153,7 +153,9 @@ class FusionEngine:
     def _start_elements(self, now_s: float) -> None:
         """Confirmed tracks get their first element once everything due in it so far has arrived."""
         state, settings = self._state, self.settings.fusion
-        waiting = np.flatnonzero(state.tracks.used & (state.tracks.status == Status.CONFIRMED) & ~state.elements.open)
+        status = state.tracks.status
+        known = (status == Status.CONFIRMED) | (status == Status.COASTING)  # only confirmed tracks coast
+        waiting = np.flatnonzero(state.tracks.used & known & ~state.elements.open)
         if not len(waiting):
             return
         first_s = state.buffers.earliest_s(waiting)
@@ -161,13 +163,15 @@ class FusionEngine:
         if not len(waiting):
             return
         rings = state.buffers.rows[waiting]
+        # What is younger may be here or still under way: it has no say, or the beginning would hang on the arrival.
+        rings[rings[:, :, 0] > now_s - settings.watermark_s, 0] = -np.inf
         begin = first_believable(rings)
         packed = rings[np.arange(len(waiting)), begin]
         report = Measurements(slot=waiting, **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
         until = self._published_until_s
-        known = [until.pop(int(a), -math.inf) for a in state.tracks.label[waiting]] if until else -math.inf
+        published = [until.pop(int(a), -math.inf) for a in state.tracks.label[waiting]] if until else -math.inf
         x, P = first_state(report)
-        state.elements.start(waiting, report.time_s, np.broadcast_to(known, len(waiting)), x, P)
+        state.elements.start(waiting, report.time_s, np.broadcast_to(published, len(waiting)), x, P)
         self._restart_live(waiting[report.time_s > state.buffers.earliest_s(waiting)])
 
     def _restart_live(self, slots: Ints) -> None:
