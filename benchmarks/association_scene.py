@@ -1,7 +1,7 @@
 """Traffic for the association study: one radar scan after another over tracks that are known with an error.
 
-A radar in the middle of a disc of 50 NM, range sigma 100 m, azimuth sigma 0.15 degrees, detection 0.9, ten false plots a
-scan. Where the radar gives a velocity its sigma is 8 m/s per axis. Tracks are known to 20 m and 1 m/s.
+A radar in the middle of a disc of 50 NM, range sigma 100 m, azimuth sigma 0.15 degrees, detection 0.9, ten false plots
+a scan. Where the radar gives a velocity its sigma is 8 m/s per axis. Tracks are known to 20 m and 1 m/s.
 """
 
 from __future__ import annotations
@@ -92,9 +92,9 @@ def candidates(s: Scan, with_velocity: bool, reach_m: float = 5000.0) -> Candida
     cov = s.plot_cov[plot] + np.array([TRACK_SIGMA_M**2, 0.0, TRACK_SIGMA_M**2])
     factors = {}
     if with_velocity:
-        v = s.plots_v[plot]
+        v, sigma = s.plots_v[plot], np.full(len(plot), VELOCITY_SIGMA_MPS)
         factors = velocity_factors(
-            np.hypot(v[:, 0], v[:, 1]), np.degrees(np.arctan2(v[:, 0], v[:, 1])), np.full(len(plot), VELOCITY_SIGMA_MPS),
+            np.hypot(v[:, 0], v[:, 1]), np.degrees(np.arctan2(v[:, 0], v[:, 1])), sigma,
             s.tracks_v[track], np.tile(np.array([1.0, 0.0, 1.0]) * TRACK_VELOCITY_SIGMA_MPS**2, (len(plot), 1)),
         )  # fmt: skip
     return Candidates.of(plot, track, s.plots_m[plot] - s.tracks_m[track], cov, **factors)

@@ -92,9 +92,7 @@ class Run:
         cov = 100.0 * np.array([1.0, 0.0, 1.0]) + 0.04 * np.stack([v[:, 0] ** 2, v[:, 0] * v[:, 1], v[:, 1] ** 2], -1)
         heard = there & (rng.random(n) < 0.97)
         said_v = v + rng.normal(size=(n, 2))
-        self.integrity.own(
-            OwnPositions(every[heard], START_S + own_s[heard], said[heard], said_v[heard], cov[heard])
-        )
+        self.integrity.own(OwnPositions(every[heard], START_S + own_s[heard], said[heard], said_v[heard], cov[heard]))
         self._radars(s, every)
         lat, lon = from_plane(FRAME, said[:, 0], said[:, 1])
         for slot in self.integrity.check(START_S + s, every[there], lat[there], lon[there], self.height[there]):
@@ -103,7 +101,9 @@ class Run:
 
     def _fly(self) -> None:
         turning = self.rng.random(self.world.aircraft) < 1 / 120
-        self.rate = np.where(turning, np.radians(self.rng.choice([-1.5, 0.0, 0.0, 1.5], self.world.aircraft)), self.rate)
+        self.rate = np.where(
+            turning, np.radians(self.rng.choice([-1.5, 0.0, 0.0, 1.5], self.world.aircraft)), self.rate
+        )
         # Turn back at the edge, so that everybody stays in cover.
         out = np.linalg.norm(self.place + 15e3, axis=1) > 95e3
         home = np.arctan2(*(-15e3 - self.place).T)

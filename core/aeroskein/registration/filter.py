@@ -103,10 +103,16 @@ class BiasFilter:
         self._x[states] += change
         self._P[states, states] += np.square(slack)
 
-    def free_gain(self, radar: int, sigma: float) -> None:
-        """Begin to estimate the range gain of one radar."""
-        state = BIASES * radar + 3
-        self._P[state, state] = sigma**2
+    def free_gain(self, radar: int, sigma: float, mean_range_m: float) -> None:
+        """Begin to estimate the range gain of one radar.
+
+        While it was fixed, the range bias stood for both: what was learned is the bias at the mean range of the
+        plots, so a gain takes that much back from the bias.
+        """
+        bias, gain = BIASES * radar, BIASES * radar + 3
+        step = np.zeros(len(self._x))
+        step[bias], step[gain] = -mean_range_m * sigma, sigma
+        self._P += step[:, None] * step
         self.gain_free[radar] = True
 
     def load(self, mean: Array, covariance: Array) -> None:

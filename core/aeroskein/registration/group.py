@@ -47,6 +47,8 @@ SCATTER_POWER: Final = 4.0
 GAIN_AFTER_S: Final = 1800.0
 GAIN_AIRCRAFT: Final = 20
 GAIN_SIGMA: Final = 2e-4
+# Plots over which the mean range is taken, about the memory of the range bias.
+RANGE_SAMPLES: Final = 10_000
 # Track numbers remembered per radar, to count each aircraft once.
 SEEN_MAX: Final = 4096
 
@@ -89,6 +91,7 @@ class RadarGroup:
         self._queued = 0
         self._oldest_s = np.inf
         self._recent: list[Rows] = []
+        self._mean_range_m = np.zeros(k)
         self._seen = [np.empty(0, dtype=np.int64) for _ in range(k)]
         self._next_watch_s = self._next_scatter_s = -np.inf
 
@@ -197,6 +200,9 @@ class RadarGroup:
             if not self.last_s[k] > -np.inf:
                 self._watch[k].quiet_until_s = now_s + QUIET_S
             self.samples[k] += int(own.sum())
+            share = own.sum() / max(min(self.samples[k], RANGE_SAMPLES), 1)
+            mean_m = np.where(radar[own] == k, rows.range_m[own, 0], rows.range_m[own, 1]).mean()
+            self._mean_range_m[k] += min(share, 1.0) * (mean_m - self._mean_range_m[k])
             new = np.setdiff1d(rows.aircraft[own], self._seen[k])
             self.aircraft[k] += len(new)
             # Track numbers grow, so the lowest ones are those that will not come again.
@@ -206,7 +212,7 @@ class RadarGroup:
                 self.started_s[k] = now_s
             ripe = now_s - self.started_s[k] > GAIN_AFTER_S and self.aircraft[k] >= GAIN_AIRCRAFT
             if ripe and not self.filter.gain_free[k]:
-                self.filter.free_gain(int(k), GAIN_SIGMA)
+                self.filter.free_gain(int(k), GAIN_SIGMA, float(self._mean_range_m[k]))
 
     def _look_for_jumps(
         self, rows: Rows, radar: Ints, other: Ints, innovation: Array, spread: Array, now_s: float
@@ -321,6 +327,7 @@ class RadarGroup:
             "samples": self.samples.tolist(),
             "aircraft": self.aircraft.tolist(),
             "started_s": [None if np.isnan(s) else float(s) for s in self.started_s],
+            "mean_range_m": self._mean_range_m.tolist(),
             "latency_sigma_s": self.filter.latency_sigma_s,
         }
 
@@ -343,6 +350,8 @@ class RadarGroup:
         self.samples[new] = np.array(content["samples"], dtype=np.int64)[old]
         for a, b in places:
             self.aircraft[b] = int(content["aircraft"][a])
+            self.last_s[b] = -np.inf if content["time_s"] is None else float(content["time_s"])
+            self._mean_range_m[b] = content["mean_range_m"][a]
             started = content["started_s"][a]
             self.started_s[b] = np.nan if started is None else started
 

@@ -28,7 +28,7 @@ SAG_SHARE: Final = 0.25
 SHARED_END_POINTS: Final = 1.4
 
 # Columns kept of each plot: stamp, ECEF, velocity east and north, covariance east-north (packed), sensitivity to the
-# radar's biases in east-north (2 x 4), sensitivity to height east and north.
+# radar's biases in east-north (2 x 4), sensitivity to height east and north, slant range.
 _TIME, _PLOT, _VELOCITY, _COV, _BIAS, _HEIGHT = (
     slice(0, 1),
     slice(1, 4),
@@ -37,7 +37,8 @@ _TIME, _PLOT, _VELOCITY, _COV, _BIAS, _HEIGHT = (
     slice(9, 17),
     slice(17, 19),
 )
-_WIDTH: Final = 19
+_RANGE: Final = 19
+_WIDTH: Final = 20
 
 
 class PairBuffer:
@@ -109,6 +110,7 @@ class PairBuffer:
         of_bias[:, :, 2] = -geometry.velocity_en
         of_bias[:, :, 3] = of_bias[:, :, 0] * geometry.range_m[:, None]
         out[:, _BIAS] = of_bias.reshape(len(rows), -1)
+        out[:, _RANGE] = geometry.range_m
         out[:, _HEIGHT] = -directions[:, :, 0] * (geometry.up_m / geometry.ground_m)[:, None]
         return out
 
@@ -193,6 +195,7 @@ def _pair_rows(
         other=other,
         of_sensor=plot[:, _BIAS].reshape(n, 2, BIASES),
         of_other=-of_line.reshape(n, 2, BIASES),
+        range_m=np.stack([plot[:, _RANGE], 0.5 * (begin[:, _RANGE] + end[:, _RANGE])], axis=-1),
         aircraft=aircraft,
         of_aircraft=np.zeros((n, 2, NUISANCES)),
     )

@@ -178,6 +178,10 @@ class Registration:
             for k in np.flatnonzero(self.radars)
         ]
 
+    def estimates(self) -> tuple[Array, Array]:
+        """Published means ``(sensors, 4)`` and covariances ``(sensors, 4, 4)`` of range, azimuth, time and gain."""
+        return self._published(), self._estimator.covariances()
+
     def alarms(self) -> list[str]:
         """What an operator should know, one sentence each."""
         ids = [s.id for s in self._settings.sensors]

@@ -85,6 +85,8 @@ class Rows:
         Radar, and the radar it is compared with; -1 where it is an anchored reference.
     of_sensor, of_other : (n, 2, 4) float64
         Sensitivity to their biases.
+    range_m : (n, 2) float64
+        Slant range from either. [m]
     aircraft : (n,) int64
         Track number.
     of_aircraft : (n, 2, 3) float64
@@ -98,6 +100,7 @@ class Rows:
     other: Ints
     of_sensor: Array
     of_other: Array
+    range_m: Array
     aircraft: Ints
     of_aircraft: Array
 
@@ -161,6 +164,7 @@ def anchored_rows(rows: Comparisons, geometry: Geometry, noise: Noise) -> Rows:
         other=np.full(n, -1),
         of_sensor=bias_jacobian(geometry.range_m, geometry.ground_m, geometry.radial_mps, geometry.across_mps),
         of_other=np.zeros((n, 2, BIASES)),
+        range_m=np.stack([geometry.range_m, np.zeros(n)], axis=-1),
         aircraft=rows.aircraft,
         of_aircraft=of_aircraft,
     )
