@@ -77,6 +77,7 @@ def make_app(
     return Starlette(
         lifespan=lifespan,
         middleware=[Middleware(Headers)],
+        exception_handlers={HTTPException: _error},
         routes=[
             Route("/", doors.guard(index)),
             Route("/api/status", doors.guard(details.status)),
@@ -91,6 +92,13 @@ def make_app(
             WebSocketRoute("/ws", visits.receive),
             Mount("/static", _Files(directory=STATIC)),
         ],
+    )
+
+
+async def _error(_request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    return Response(
+        msgspec.json.encode({"error": error.detail}), status_code=error.status_code, media_type="application/json"
     )
 
 

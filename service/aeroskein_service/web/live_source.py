@@ -23,6 +23,7 @@ from aeroskein_service.web.sensor_table import SensorTable
 from aeroskein_service.web.service_watch import ServiceWatch
 from aeroskein_service.web.source import Box, NotNowError, Picture, UnknownTrackError
 from aeroskein_service.web.trails import TrailStore
+from aeroskein_service.web.waiting_reports import place_reports
 
 __all__ = ["LiveSource"]
 
@@ -198,7 +199,19 @@ class LiveSource:
         if self._questions is None:
             raise NotNowError(self._waiting or "there is no connection to the service")
         reply = await self._questions.elements(label)
-        return reply | {"live": self.picture.point(label)}
+        live = self.picture.point(label)
+        made = reply | {"live": live, "waiting": []}
+        if live is not None and live.address is not None and reply.get("elements"):
+            height_m = live.altitude_m if live.height_m is None else live.height_m
+            reports = await self._questions.reports(live.address)
+            made["waiting"] = place_reports(
+                reports.get("reports", {}),
+                {sensor["id"]: sensor for sensor in self.sensors.describe()},
+                self.watch.registration(),
+                height_m=height_m,
+                after_s=float(reply["elements"][-1]["span_s"][1]),
+            )
+        return made
 
 
 class _LiveStream:

@@ -114,10 +114,13 @@ class ServiceWatch:
         """The newest status, None before the first."""
         return self._current
 
+    def registration(self) -> dict[str, dict[str, Any]]:
+        """The newest registration state of every radar."""
+        with self._lock:
+            return {sensor: states[-1] for sensor, states in self._states.items()}
+
     def report(self, now_s: float) -> dict[str, Any]:
         """The newest of everything."""
-        with self._lock:
-            registration = {sensor: states[-1] for sensor, states in self._states.items()}
         return {
             "type": "status",
             "time_s": now_s,
@@ -125,7 +128,7 @@ class ServiceWatch:
             "silent_s": self.silent_s(now_s),
             "service": self._current,
             "rates": self._rates[-1] if self._rates else None,
-            "registration": registration,
+            "registration": self.registration(),
         }
 
     def history(self) -> dict[str, Any]:

@@ -28,7 +28,7 @@ function range(values, fromZero) {
 }
 
 // `content`: {series: [{x, y, colour, line, hollow, dash}], bands: [{x, low, high, colour}], times: [from, to] or none,
-// values: [from, to] or none, fromZero, zero, marks: [time], cursor: time, format}. Returns what was drawn, for tests.
+// values: [from, to] or none, ticks: [value] or none, fromZero, zero, marks: [time], cursor: time, format}. Returns what was drawn, for tests.
 export function drawChart(canvas, colours, content) {
   const { context, width, height } = fitCanvas(canvas);
   const { series = [], bands = [] } = content;
@@ -67,7 +67,9 @@ function axes(context, colours, xs, ys, px, py, width, height, content) {
   const step = tickStep(ys[1] - ys[0], (height - TOP - BOTTOM) / 26);
   const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   context.textAlign = "right";
-  for (let y = Math.ceil(ys[0] / step) * step; y <= ys[1] + 1e-12; y += step) {
+  const ticks = content.ticks ?? [];
+  if (!content.ticks) for (let y = Math.ceil(ys[0] / step) * step; y <= ys[1] + 1e-12; y += step) ticks.push(y);
+  for (const y of ticks.filter((v) => v >= ys[0] && v <= ys[1])) {
     context.strokeStyle = Math.abs(y) < step / 1e6 && content.zero ? colours.faint : colours.grid;
     context.beginPath();
     context.moveTo(LEFT, py(y));

@@ -28,7 +28,8 @@ export class Details {
   // Once per frame: show, hide, renew.
   update(now) {
     const label = this._settings.primary;
-    this._element.hidden = !label;
+    // The element view tells more about it, and needs the room.
+    this._element.hidden = !label || this._settings.view === "elements";
     if (!label) {
       this.whole = null;
       this.label = "";

@@ -35,6 +35,7 @@ const banner = new Banner(byId("banner"), byId("spoken"));
 const link = new Link({ frame: takeFrame, words: takeWords, state: () => judge(), fault });
 const actions = makeActions({ settings, view, stage, link, state });
 const details = new Details(byId("details"), settings, stage, actions);
+state.details = details;
 const search = new Search(byId("search"), { select: (track) => actions.goTo(track), atQuery: () => actions.atQuery() });
 const panels = new Panels({ settings, stage, view, state, actions, link });
 
