@@ -97,7 +97,8 @@ def prepare(
     if not started.any():
         return None
     if estimate_errors:
-        summary.source_errors = estimate_source_errors(measurements.take(started), len(engine.sensors))
+        own = started & ~table.is_radar[flights.plots.sensor]  # a radar's errors are not alike in all directions
+        summary.source_errors = estimate_source_errors(measurements.take(own), len(engine.sensors))
         _use_errors(measurements, summary.source_errors)
     kept_flights = flights.flight[started][~continues(flights.flight[started])]
     measurements, flights, height_m = measurements.take(started), flights.keep(started), located.height_m[started]

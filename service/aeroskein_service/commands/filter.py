@@ -43,7 +43,8 @@ def run(
     smooth : bool
         Element points of whole tracks smoothed backwards, instead of live points.
     estimate_errors : bool
-        Estimate position and time errors of each sensor from straight flight and use those.
+        Estimate position and time errors of each sensor that reports positions of its own from straight flight, and
+        use those.
     max_bad : float
         Share of broken lines above which the exit status is 1.
 

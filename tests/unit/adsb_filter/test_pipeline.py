@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pyproj
 import pytest
-from tests.simulation_scenes import ADSB, GEOD, run, true_at
+from tests.simulation_scenes import ADSB, GEOD, RADAR1, run, true_at
 
 from aeroskein.adsb_filter import AdsbFilterSettings, FilterSummary, filter_reports
 from aeroskein.plots import Plots
@@ -231,3 +231,16 @@ def test_the_antimeridian_is_no_border() -> None:
 
         assert not summary.fallbacks
         assert len(points) == len(here) - summary.unstarted
+
+
+def test_errors_of_radars_are_not_estimated_as_if_they_were_round() -> None:
+    engine = EngineSettings(sensors=(ADSB, RADAR1))
+    plots, _ = run(ADSB, RADAR1, scenario="cruise", aircraft=2, duration_s=400.0)
+
+    points, summary = filter_reports(
+        plots.take(plots.sensor == 1), engine, SETTINGS, model="imm", smooth=False, estimate_errors=True
+    )
+
+    assert points is not None
+    assert summary.source_errors is not None
+    assert [errors.windows for errors in summary.source_errors] == [0, 0]
