@@ -163,12 +163,21 @@ class ElementLog:
         while self._passes and float(self._passes[0].span_s[:, 1].max()) < newest - self._keep_s:
             self._passes.popleft()
 
-    def of_track(self, number: int, frames: FrameTable, sensor_ids: list[str]) -> list[dict[str, Any]]:
-        """The last elements of one track as plain numbers, oldest first; see ``docs/messages.md``."""
-        records = [
-            _record(p, int(i), frames, sensor_ids) for p in self._passes for i in np.flatnonzero(p.number == number)
-        ]
-        return records[-KEEP:]
+    def keep_all(self) -> None:
+        """Forget nothing from now on: for a file that is replayed."""
+        self._keep_s = np.inf
+
+    def of_track(
+        self, number: int, frames: FrameTable, sensor_ids: list[str], until_s: float = np.inf
+    ) -> list[dict[str, Any]]:
+        """The last elements of one track as plain numbers, oldest first; see ``docs/messages.md``.
+
+        Elements that end after ``until_s`` are left out.
+        """
+        places: deque[tuple[_Pass, int]] = deque(maxlen=KEEP)
+        for p in self._passes:
+            places.extend((p, int(i)) for i in np.flatnonzero((p.number == number) & (p.span_s[:, 1] <= until_s)))
+        return [_record(p, i, frames, sensor_ids) for p, i in places]
 
 
 def _record(p: _Pass, i: int, frames: FrameTable, sensor_ids: list[str]) -> dict[str, Any]:

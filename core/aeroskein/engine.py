@@ -114,8 +114,10 @@ class FusionEngine:
         self._clock.start()
         self._begin_block()
         self._start_elements(now_s)
+        # A track that has ended meanwhile has no elements after its end, however long ago that was.
+        until_s = np.minimum(now_s, state.tracks.received_s + self.settings.tracks.terminate_s)
         while True:
-            due = np.flatnonzero(state.elements.open & (state.elements.due_s <= now_s))
+            due = np.flatnonzero(state.elements.open & (state.elements.due_s <= until_s))
             if not len(due):
                 break
             events += self._close_all(due)
@@ -264,8 +266,17 @@ class FusionEngine:
         slot = state.tracks.find(label)
         if slot is None:
             return None
-        number, ids = int(state.tracks.number[slot]), [s.id for s in self.settings.sensors]
-        return [ElementRecord(content) for content in state.element_log.of_track(number, state.frames, ids)]
+        return self.elements_until(int(state.tracks.number[slot]), math.inf)
+
+    def elements_until(self, track_number: int, until_s: float) -> list[ElementRecord]:
+        """The last 20 elements of a track, ended or not, that end by a time; see ``keep_elements``."""
+        state, ids = self._state, [s.id for s in self.settings.sensors]
+        log = state.element_log
+        return [ElementRecord(content) for content in log.of_track(track_number, state.frames, ids, until_s)]
+
+    def keep_elements(self) -> None:
+        """Forget no element from now on: for a file that is replayed. The usual log is the last 20 of every track."""
+        self._state.element_log.keep_all()
 
     def track_counts(self) -> dict[str, int]:
         """How many tracks are tentative, confirmed, coasting."""
