@@ -3,7 +3,7 @@
 Per radar and track the last seconds of differences (radar plot minus own position) are averaged with fading memory;
 over all radars also with a longer one. The test is on the mean, less an allowance for what may honestly differ
 (latency, satellite navigation, registration), in sigmas of the mean: a jump shows in three looks, a slow drift in the
-longer memory, and single wild plots do not, because no look counts more than four sigmas. What an aircraft has always
+longer memory, and single wild plots do not, because no look counts more than five sigmas. What an aircraft has always
 differed by, its own latency above all, is learned and taken out.
 """
 
@@ -17,11 +17,13 @@ from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["Agreement"]
 
-# Memories of the means. [s]
-FAST_S: Final = 10.0
+# Memory of each radar's own mean, in its periods, and of the mean over all radars. [s]
+FAST_PERIODS: Final = 2.5
 SLOW_S: Final = 40.0
 # One look counts at most this many sigmas.
-CLIP: Final = 4.0
+CLIP: Final = 5.0
+# Sum of fading weights from which there is a mean: three looks, never two.
+WEIGHT_MIN: Final = 2.05
 # Honest differences of one aircraft, one sigma: latency [s] and position beside the flight [m]; learned looks are
 # forgotten over the memory [s].
 LATENCY_SIGMA_S: Final = 0.15
@@ -47,11 +49,15 @@ class Agreement:
 
     Parameters
     ----------
-    sensors, slots : int
-        Sizes of the tables.
+    period_s : (sensors,) array
+        Time between two looks of each sensor. [s]
+    slots : int
+        Track slots.
     """
 
-    def __init__(self, sensors: int, slots: int) -> None:
+    def __init__(self, period_s: Array, slots: int) -> None:
+        sensors = len(period_s)
+        self._memory_s = np.append(FAST_PERIODS * period_s, SLOW_S)
         # Per sensor (the last row: all sensors, slow memory), by slot: information times difference, information, sums
         # of weights and squared weights, time.
         self._y = np.zeros((sensors + 1, slots, 2))
@@ -67,11 +73,11 @@ class Agreement:
 
     def grow(self, slots: int) -> None:
         """Make room for more slots."""
-        fresh = Agreement(len(self._y) - 1, slots)
+        fresh = Agreement(self._memory_s[:-1] / FAST_PERIODS, slots)
         for name, column in vars(self).items():
             if name in _TABLES:
                 getattr(fresh, name)[:, : column.shape[1]] = column
-            else:
+            elif name != "_memory_s":
                 getattr(fresh, name)[: len(column)] = column
         vars(self).update(vars(fresh))
 
@@ -80,7 +86,7 @@ class Agreement:
         for name, column in vars(self).items():
             if name in _TABLES:
                 column[:, slot] = -np.inf if name == "_time_s" else 0.0
-            else:
+            elif name != "_memory_s":
                 column[slot] = _PRIOR if name == "_own_variance" else 0.0
 
     def forget_slow(self) -> None:
@@ -124,9 +130,9 @@ class Agreement:
         inverse = _inverse(covariance_m2)
         distance = np.sqrt(np.maximum(_quadratic(inverse, rest), 0.0))
         weighted = _times(inverse, rest * np.minimum(1.0, CLIP / np.maximum(distance, 1e-12))[:, None])
-        self._remember(sensor, slot, time_s, weighted, inverse, FAST_S)
+        self._remember(sensor, slot, time_s, weighted, inverse)
         every = np.full(int(sure.sum()), len(self._y) - 1)
-        self._remember(every, slot[sure], time_s[sure], weighted[sure], inverse[sure], SLOW_S)
+        self._remember(every, slot[sure], time_s[sure], weighted[sure], inverse[sure])
         allowed = self._own_variance[slot] * np.stack([speed**2, np.ones_like(speed)], axis=-1)
         agrees = (
             _quadratic(_inverse(covariance_m2 + _turned(allowed + ALLOWED_M**2 / 4.0, along, right)), rest) < AGREES
@@ -156,8 +162,7 @@ class Agreement:
         """
         sensors = len(self._y) - 1
         age_s = now_s - self._time_s[:, slot]
-        live = (age_s < 3.0 * FAST_S).astype(np.float64)
-        live[-1] = age_s[-1] < 2.0 * SLOW_S
+        live = (age_s < 2.0 * self._memory_s[:, None]).astype(np.float64)
         by_sensor = np.stack([self._sigmas(k, k, slot, live[k : k + 1]) for k in range(sensors)])
         together = self._sigmas(0, sensors - 1, slot, live[:sensors] * sure[:, None])
         slow = self._sigmas(sensors, sensors, slot, live[sensors:])
@@ -169,8 +174,7 @@ class Agreement:
         y = np.einsum("sk,skc->kc", live, self._y[rows][:, slot])
         w1 = np.einsum("sk,sk->k", live, self._w1[rows][:, slot])
         w2 = np.einsum("sk,sk->k", live, self._w2[rows][:, slot])
-        # Nothing below one and a half looks is a mean.
-        some = w1 > 1.5
+        some = w1 > WEIGHT_MIN
         info = np.where(some[:, None], info, np.array([1.0, 0.0, 1.0]))
         covariance = _inverse(info) * (w2 / np.maximum(w1, 1e-9))[:, None]
         mean = _times(_inverse(info), y)
@@ -188,22 +192,22 @@ class Agreement:
         allowed: Array = ALLOWED_M + ALLOWED_SIGMAS * np.sqrt(variance)
         return allowed
 
-    def _remember(self, row: Ints, slot: Ints, time_s: Array, weighted: Array, inverse: Array, memory_s: float) -> None:
-        self._fade(row, slot, time_s, memory_s)
+    def _remember(self, row: Ints, slot: Ints, time_s: Array, weighted: Array, inverse: Array) -> None:
+        self._fade(row, slot, time_s)
         # Two radars may look at one track in one batch: both count in the common row.
         np.add.at(self._y, (row, slot), weighted)
         np.add.at(self._info, (row, slot), inverse)
         np.add.at(self._w1, (row, slot), 1.0)
         np.add.at(self._w2, (row, slot), 1.0)
 
-    def _fade(self, row: Ints, slot: Ints, time_s: Array, memory_s: float) -> None:
+    def _fade(self, row: Ints, slot: Ints, time_s: Array) -> None:
         cell = np.unique(np.stack([row, slot]), axis=1)
         newest = np.full(self._time_s.shape[1], -np.inf)
         np.maximum.at(newest, slot, time_s)
         r, s = cell
         old = self._time_s[r, s]
         step_s = np.where(np.isfinite(old), np.maximum(newest[s] - old, 0.0), np.inf)
-        keep = np.exp(-step_s / memory_s)
+        keep = np.exp(-step_s / self._memory_s[r])
         self._y[r, s] *= keep[:, None]
         self._info[r, s] *= keep[:, None]
         self._w1[r, s] *= keep

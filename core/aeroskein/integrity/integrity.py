@@ -129,7 +129,7 @@ class Integrity:
                 lat, lon = np.array([s.lat_deg], dtype=np.float64), np.array([s.lon_deg], dtype=np.float64)
                 self._sites[k] = frame_rows(lat, lon, s.height_m or 0.0)[0]
                 self._covers[k] = CoverMap(s.range_max_m)
-        self._agreement = Agreement(len(sensors), slots)
+        self._agreement = Agreement(self._period_s, slots)
         self._newest_s = np.full(len(sensors), -np.inf)
         self._in_doubt = np.zeros(len(sensors), dtype=np.bool_)
         self._region = 0

@@ -1,0 +1,134 @@
+"""Beliefs in own positions, in a small world of two radars."""
+
+import numpy as np
+import pytest
+from benchmarks.integrity_scene import START_S, Run, World, settings
+
+from aeroskein.integrity import Belief, Integrity
+from aeroskein.plots import Array, Ints
+
+RANGE_M = 370_000.0
+
+
+def play(world: World, seconds: int) -> Run:
+    run = Run(world)
+    for s in range(1, seconds + 1):
+        run.second(float(s))
+    return run
+
+
+def test_a_track_is_unverified_until_radars_have_seen_it() -> None:
+    run = play(World(aircraft=12, seed=1), 2)
+
+    assert (run.integrity.belief(np.arange(12)) == Belief.UNVERIFIED).all()
+
+
+def test_honest_aircraft_in_cover_are_verified_within_half_a_minute() -> None:
+    run = play(World(aircraft=12, seed=1), 30)
+
+    assert (run.integrity.belief(np.arange(12)) == Belief.VERIFIED).all()
+    assert run.integrity.trusted(np.arange(12)).all()
+    assert run.integrity.alarms() == []
+
+
+def test_a_ghost_in_cover_becomes_suspect_and_nobody_else() -> None:
+    run = play(World(aircraft=13, seed=2, ghosts=(12,), ghost_from_s=40.0, range_max_m=RANGE_M), 75)
+
+    assert run.first_suspect(12) - 40.0 <= 20.0
+    assert {a for _, a, b in run.changes if b == Belief.SUSPECT} == {12}
+    assert run.integrity.alarms() == ["own positions of 1 aircraft are suspect"]
+
+
+def test_where_no_cover_is_known_a_silent_radar_proves_nothing() -> None:
+    # No instrumented range, and nothing learned yet.
+    run = play(World(aircraft=1, seed=2, ghosts=(0,), ghost_from_s=0.0), 60)
+
+    assert run.integrity.belief(np.array([0])).tolist() == [Belief.UNVERIFIED]
+
+
+def test_a_radar_that_fails_altogether_makes_nobody_suspect() -> None:
+    run = Run(World(aircraft=12, seed=3, range_max_m=RANGE_M))
+    for s in range(1, 120):
+        run.world.detection = 0.97 if s < 50 else 0.0
+        run.second(float(s))
+
+    assert not [a for _, a, b in run.changes if b == Belief.SUSPECT]
+
+
+def drifting(seed: int, honest_again_s: float = np.inf) -> World:
+    def displaced(aircraft: Ints, s: float) -> Array:
+        size = 10.0 * (s - 60.0) if 60.0 <= s < honest_again_s else 0.0
+        return np.where((aircraft == 3)[:, None], np.array([0.6, 0.8]) * size, 0.0)
+
+    return World(aircraft=12, seed=seed, displaced=displaced)
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_drifting_aircraft_becomes_suspect(seed: int) -> None:
+    run = play(drifting(seed), 130)
+
+    assert run.first_suspect(3) - 60.0 <= 50.0 + 30.0
+    assert {a for _, a, b in run.changes if b == Belief.SUSPECT} == {3}
+    assert not run.integrity.trusted(np.array([3]))[0]
+
+
+def test_an_aircraft_that_is_honest_again_comes_back_but_not_at_once() -> None:
+    run = play(drifting(4, honest_again_s=130.0), 300)
+
+    back = [s for s, a, b in run.changes if a == 3 and b == Belief.VERIFIED and s > 130.0]
+    assert len(back) == 1
+    assert back[0] > 150.0
+
+
+def test_a_radar_that_turned_its_north_is_doubted_not_the_aircraft() -> None:
+    run = play(World(seed=1, radar_shift_deg=lambda k, s: 0.5 if k == 0 and s > 80.0 else 0.0), 150)
+
+    assert not [a for _, a, b in run.changes if b == Belief.SUSPECT]
+    assert any("radar1" in a for _, a in run.alarms)
+
+
+def test_navigation_disturbed_for_most_is_an_alarm_for_the_region() -> None:
+    def displaced(aircraft: Ints, s: float) -> Array:
+        return np.where((aircraft < 16)[:, None] & (s > 80.0), np.array([900.0, 600.0]), 0.0)
+
+    run = play(World(seed=1, displaced=displaced), 140)
+
+    assert any("satellite navigation" in a for _, a in run.alarms)
+
+
+def test_a_track_far_from_any_radar_is_unverified_again_after_a_while() -> None:
+    run = play(World(aircraft=12, seed=1), 30)
+    every = np.arange(12)
+    far = np.full(12, 10.0)
+
+    run.integrity.check(START_S + 400.0, every, far, far, far)
+
+    assert (run.integrity.belief(every) == Belief.UNVERIFIED).all()
+
+
+def test_a_slot_given_to_a_new_track_begins_unverified() -> None:
+    run = play(World(aircraft=12, seed=1), 30)
+
+    run.integrity.reset(np.array([5]))
+    run.integrity.grow(20)
+
+    beliefs = run.integrity.belief(np.arange(20))
+    assert beliefs[5] == Belief.UNVERIFIED
+    assert (np.delete(beliefs, 5)[:11] == Belief.VERIFIED).all()
+    assert (beliefs[12:] == Belief.UNVERIFIED).all()
+
+
+def test_tracks_whose_plane_moved_wait_for_the_next_own_position() -> None:
+    run = play(World(aircraft=12, seed=1), 30)
+
+    run.integrity.moved(np.arange(12))
+    changed = run.integrity.check(START_S + 31.0, np.arange(12), *(np.full(12, v) for v in (48.3, 11.7, 8000.0)))
+
+    assert len(changed) == 0
+
+
+def test_sensors_without_radars_need_nothing() -> None:
+    integrity = Integrity(settings(), 4)
+
+    assert integrity.alarms() == []
+    assert integrity.belief(np.array([0])).tolist() == [Belief.UNVERIFIED]
