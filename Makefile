@@ -6,12 +6,14 @@ STAMP := $(VENV)/.installed
 DEV_STAMP := $(VENV)/.installed-dev
 BENCH_STAMP := $(VENV)/.installed-bench
 
-.PHONY: help demo demo-real test lint bench lock real-data clean
+.PHONY: help demo demo-real demo-compose test test-compose lint bench lock real-data clean
 
 help:
 	@echo "make demo       the whole job in this terminal: router, sensors, fusion, consumer"
 	@echo "make demo-real  the same with recorded ADS-B traffic"
+	@echo "make demo-compose  the same with Docker: every sensor a container; checks it and leaves it running"
 	@echo "make test       all tests"
+	@echo "make test-compose  the Docker demo, brought up, broken and attacked: ten minutes"
 	@echo "make lint       ruff and mypy --strict"
 	@echo "make bench      accuracy and speed against other libraries"
 	@echo "make real-data  the recorded traffic, for demo-real and its test (56 MB)"
@@ -41,12 +43,20 @@ demo: $(STAMP)
 demo-real: $(STAMP) real-data
 	$(BIN)/aeroskein demo --real
 
+# Builds the image (from Debian's packages where none can be pulled), brings the stack up and checks it.
+demo-compose:
+	deploy/demo.sh
+
 # Recorded traffic (56 MB). Without its dependencies: only its data files are read, it is never imported.
 real-data: $(STAMP)
 	$(BIN)/pip install --quiet --no-deps traffic==2.13
 
 test: $(DEV_STAMP)
 	$(BIN)/python -m pytest
+
+# Skipped with a reason where there is no Docker engine.
+test-compose: $(DEV_STAMP)
+	AEROSKEIN_COMPOSE_TESTS=1 $(BIN)/python -m pytest tests/deploy
 
 lint: $(DEV_STAMP)
 	$(BIN)/ruff check .

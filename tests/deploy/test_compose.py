@@ -1,0 +1,122 @@
+"""The demo comes up, fuses and goes down on a real Docker engine, in an image that holds what it needs and no more."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import urllib.request
+from pathlib import Path
+
+import pytest
+from tests.deploy.conftest import environment
+from tests.deploy.stack import Stack, run, wait_until
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+
+SERVICES = {"router", "adsb", "radar1", "radar2", "fusion", "web", "consumer"}
+SIZE_BYTES = 400e6
+
+
+def test_every_container_becomes_healthy(stack):
+    wait_until(lambda: {s for s in SERVICES if stack.health(s) == "healthy"} == SERVICES, "all to be healthy")
+    assert set(stack.services()) == SERVICES
+
+
+def test_fused_points_of_all_three_sensors_reach_the_consumer(stack, figures):
+    first = wait_until(lambda: next(stack.points(), None), "a fused point at the consumer")
+    begun_s = max(stack.started_s(service) for service in SERVICES)
+    figures["first fused point after the last container's start, s"] = round(first[0] - begun_s, 1)
+
+    def mixed() -> bool:
+        return {name for _, point in stack.points() for name in point["sources"]} >= {"adsb", "radar1", "radar2"}
+
+    wait_until(mixed, "points to which all sensors contributed")
+
+
+def test_consumer_misses_no_point_of_any_track(stack):
+    # Given a while of points, when each track's are put in order, then their numbers have no hole
+    wait_until(lambda: sum(1 for _ in stack.points()) > 500, "500 points")
+    numbers: dict[int, list[int]] = {}
+    for _, point in stack.points():
+        numbers.setdefault(point["track_number"], []).append(point["seq"])
+    holes = {track: seen for track, seen in numbers.items() if seen != list(range(seen[0], seen[0] + len(seen)))}
+    assert not holes
+
+
+def fetched(url: str) -> bytes:
+    with urllib.request.urlopen(url, timeout=30) as answer:
+        return bytes(answer.read())
+
+
+def test_page_is_at_the_published_port_of_this_machine_only(stack):
+    where = stack.compose("port", "web", "8080").strip()
+    assert where.startswith("127.0.0.1:")
+    wait_until(lambda: stack.health("web") == "healthy", "the page to be healthy")
+    assert b"<html" in fetched(f"http://{where}/").lower()
+
+
+def test_service_is_ready_and_tells_its_metrics_inside_the_network(stack):
+    wait_until(lambda: stack.health("fusion") == "healthy", "the service to be healthy")
+    inside = f"http://{stack.address('fusion', 'core')}:8080"
+    assert json.loads(fetched(f"{inside}/readyz"))["ok"]
+    assert b"aeroskein_" in fetched(f"{inside}/metrics")
+
+
+def test_nothing_restarts_and_no_log_has_an_error(stack):
+    wait_until(lambda: sum(1 for _ in stack.points()) > 500, "500 points")
+    for service in SERVICES:
+        assert stack.inspect(service)["RestartCount"] == 0, service
+        for _, line in stack.log(service):
+            assert not line.startswith(("aeroskein:", "Traceback")), line
+            if line.startswith("{") and service == "fusion":
+                assert json.loads(line)["level"] == "info", line
+
+
+def test_containers_run_without_privileges(stack):
+    for service in SERVICES:
+        found = stack.inspect(service)
+        assert found["Config"]["User"] == "10001:10001"
+        assert found["HostConfig"]["ReadonlyRootfs"]
+        assert found["HostConfig"]["CapDrop"] == ["ALL"]
+        assert "no-new-privileges:true" in found["HostConfig"]["SecurityOpt"]
+        wrote = subprocess.run(["docker", "exec", stack.container(service), "touch", "/app/x"], capture_output=True)
+        assert wrote.returncode != 0
+
+
+def test_sensor_reaches_the_router_and_no_other_container(stack):
+    look = "import socket, sys; socket.create_connection((sys.argv[1], int(sys.argv[2])), timeout=3)"
+
+    def reaches(address: str, port: int) -> bool:
+        inside = ["docker", "exec", stack.container("adsb"), "/opt/aeroskein/bin/python", "-c", look]
+        return subprocess.run([*inside, address, str(port)], capture_output=True).returncode == 0
+
+    assert reaches("router", 7447)
+    assert not reaches(stack.address("fusion", "core"), 8080)
+    assert not reaches(stack.address("web", "front"), 8080)
+
+
+def test_image_is_small_and_holds_no_compiler_no_test_and_no_key(image, figures):
+    size = int(run("docker", "image", "inspect", "--format", "{{.Size}}", image))
+    figures["image, MB"] = round(size / 1e6)
+    assert size < SIZE_BYTES
+    listing = run("docker", "run", "--rm", "--entrypoint", "find", image, "/app", "/opt", "/etc/aeroskein", "/usr/bin")
+    paths = [Path(line) for line in listing.splitlines()]
+    programs = {path.name for path in paths if path.parent.name == "bin"}
+    assert "aeroskein" in programs
+    assert not programs & {"gcc", "cc", "g++", "clang", "pytest"}
+    ours = {path.name for path in paths if path.is_relative_to("/app")}
+    assert "aeroskein_service" in ours
+    assert not [name for name in ours if name.startswith("test_") or name in ("tests", "conftest.py")]
+    assert "PRIVATE KEY" not in run(
+        "docker", "run", "--rm", "--entrypoint", "grep", image, "-rlI", "BEGIN .*PRIVATE KEY", "/app", "/opt",
+        "/etc/aeroskein", check=False,
+    )  # fmt: skip
+
+
+def test_going_down_leaves_nothing(image):
+    stack = Stack(f"aeroskein-{os.getpid()}-down", ["compose.yaml"], environment(image))
+    stack.up("router", "fusion")
+    assert stack.leftovers()
+    stack.down()
+    assert not stack.leftovers()

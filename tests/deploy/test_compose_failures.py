@@ -1,0 +1,226 @@
+"""What the demo survives on real containers: feed, router and service killed, a network cut, and a bad line."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.deploy.stack import Stack, run, wait_until
+from tests.integration.harness import Listener, connect
+
+from aeroskein_service.keys import Keys
+from aeroskein_service.transport import Session
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
+
+KEYS = Keys("atc/v1")
+SENSORS = ("adsb", "radar1", "radar2")
+STATUS_LAG = 25  # batches of a feed that may be under way between it and the service's last status
+METRES_PER_DEGREE = 111_320.0
+
+
+@pytest.fixture(autouse=True)
+def _flying(stack):
+    """Every test starts from a demo that fuses all three sensors."""
+
+    def all_heard() -> bool:
+        recent_s = time.time() - 15.0
+        points = [point for _, point in stack.points(recent_s)]
+        return {name for point in points for name in point["sources"]} >= set(SENSORS)
+
+    wait_until(all_heard, "points of all sensors")
+
+
+@pytest.fixture
+def session(stack) -> Iterator[Session]:
+    """A look at what goes over the router, from outside."""
+    with connect(f"tcp/{stack.address('router', 'core')}:7447") as opened:
+        yield opened
+
+
+def status_of(stack: Stack) -> dict[str, Any]:
+    """The service's status as it is now."""
+    with connect(f"tcp/{stack.address('router', 'core')}:7447") as opened:
+        heard = Listener(opened, KEYS.status())
+        found: dict[str, Any] = heard.wait_for(lambda messages: messages[-1] if messages else None, "a status")
+        return found
+
+
+def sensor_of(stack: Stack, sensor: str) -> dict[str, Any]:
+    """The part of the status about one sensor."""
+    part: dict[str, Any] = status_of(stack)["sensors"][sensor]
+    return part
+
+
+def feed_is_at(stack: Stack, sensor: str) -> tuple[int, int]:
+    """Epoch and number of the newest batch of a feed."""
+    with connect(f"tcp/{stack.address('router', 'core')}:7447") as opened:
+        heard = Listener(opened, KEYS.reports_below(sensor))
+        newest = heard.wait_for(lambda messages: messages[-1] if messages else None, "a batch")
+        return newest["epoch"], newest["seq"]
+
+
+def numbers_of_tracks(stack: Stack, since_s: float, until_s: float) -> dict[str, set[int]]:
+    """Track numbers of every address that was published between two times."""
+    found: dict[str, set[int]] = {}
+    for at_s, point in stack.points(since_s):
+        if at_s < until_s and point["address"]:
+            found.setdefault(point["address"], set()).add(point["track_number"])
+    return found
+
+
+def steps_m(stack: Stack, since_s: float, until_s: float) -> np.ndarray:
+    """How far each confirmed live point lies from where the one before it was heading. [m]"""
+    last: dict[int, dict[str, Any]] = {}
+    steps = []
+    for at_s, point in stack.points():
+        before = last.get(point["track_number"])
+        last[point["track_number"]] = point
+        if before is None or not since_s <= at_s < until_s or before["status"] == "tentative":
+            continue
+        flown_m = before["ground_speed_mps"] * (point["time_s"] - before["time_s"])
+        angle = np.radians(before["track_angle_deg"])
+        scale = np.cos(np.radians(before["lat_deg"]))
+        east_m = (point["lon_deg"] - before["lon_deg"]) * METRES_PER_DEGREE * scale - flown_m * np.sin(angle)
+        north_m = (point["lat_deg"] - before["lat_deg"]) * METRES_PER_DEGREE - flown_m * np.cos(angle)
+        steps.append(np.hypot(east_m, north_m))
+    return np.array(steps)
+
+
+def test_tracks_go_on_when_a_feed_is_killed_and_started_again(stack, figures):
+    # Given a feed in one epoch
+    begun_s, (epoch, _) = time.time() - 10.0, feed_is_at(stack, "adsb")
+    # When it is killed for ten seconds and started again
+    stack.kill("adsb")
+    killed_s = time.time()
+    time.sleep(10.0)
+    before = sensor_of(stack, "adsb")
+    stack.start("adsb")
+    started_s = time.time()
+    after = wait_until(
+        lambda: found if (found := sensor_of(stack, "adsb"))["batches"] > before["batches"] + 30 else None, "batches"
+    )
+    # Then the new epoch is taken up without a loss, and every track has kept its number all the time
+    assert feed_is_at(stack, "adsb")[0] > epoch
+    assert after["lost_batches"] == before["lost_batches"] == 0
+    numbers = numbers_of_tracks(stack, begun_s, time.time())
+    doubled = {address: found for address, found in numbers.items() if len(found) > 1}
+    assert not doubled
+    without = [point for at_s, point in stack.points(killed_s + 5.0) if at_s < started_s]
+    assert any(point["status"] == "confirmed" for point in without)
+    first_s = next(at_s for at_s, point in stack.points(started_s) if "adsb" in point["sources"])
+    figures["feed killed: first fused ADS-B report after its restart, s"] = round(first_s - started_s, 1)
+    figures["feed killed: tracks over the outage, all with their number"] = len(numbers)
+
+
+def test_no_batch_is_lost_when_the_router_is_killed_for_five_seconds(stack, figures):
+    # Given the place of feed and service in the sequence
+    before = {sensor: (feed_is_at(stack, sensor), sensor_of(stack, sensor)["batches"]) for sensor in SENSORS}
+    # When the router is killed and comes back five seconds later
+    stack.kill("router")
+    time.sleep(5.0)
+    back_s = time.time()
+    stack.start("router")
+    first_s = wait_until(lambda: next((at_s for at_s, _ in stack.points(back_s)), None), "a point")
+    figures["router killed 5 s: first fused point after its restart, s"] = round(first_s - back_s, 1)
+    time.sleep(10.0)
+    # Then all that the feeds have put meanwhile has been counted by the service, in the same epoch
+    for sensor, ((epoch, seq), batches) in before.items():
+        (epoch_now, seq_now), now = feed_is_at(stack, sensor), sensor_of(stack, sensor)
+        assert epoch_now == epoch
+        assert now["lost_batches"] == 0
+        assert abs((now["batches"] - batches) - (seq_now - seq)) <= STATUS_LAG
+        figures[f"router killed 5 s: {sensor} batches put over the outage / lost"] = f"{seq_now - seq} / 0"
+
+
+def test_killed_service_comes_back_with_new_numbers_and_repeats_no_second(stack, session, figures):
+    # Given elements of tracks
+    elements = Listener(session, KEYS.feed("element"), recovering=True)
+    elements.wait_for(lambda messages: len(messages) > 5, "elements")
+    # When the service is killed and started again
+    stack.kill("fusion")
+    killed_s = time.time()
+    before = [point for message in elements.messages for point in message["points"]]
+    heard = len(elements.messages)
+    used = {point["track_number"] for _, point in stack.points()}
+    epoch = before[-1]["epoch"]
+    stack.start("fusion")
+    # Then live points come at once, under numbers that were never used
+    fresh = wait_until(
+        lambda: next(((at_s, p) for at_s, p in stack.points(killed_s) if p["epoch"] != epoch), None), "a live point"
+    )
+    figures["service killed: first live point after its restart, s"] = round(fresh[0] - stack.started_s("fusion"), 1)
+    elements.wait_for(
+        lambda messages: {p["address"] for m in messages[heard:] for p in m["points"]} & {p["address"] for p in before},
+        "elements of known aircraft",
+    )
+    time.sleep(5.0)
+    after = [point for message in elements.messages[heard:] for point in message["points"] if point["epoch"] != epoch]
+    assert not used & {point["track_number"] for point in after}
+    # And no second of any aircraft is published twice
+    ends = {point["address"]: point["span_s"][1] for point in before}
+    repeated = [p for p in after if p["address"] in ends and p["span_s"][0] < ends[p["address"]]]
+    assert not repeated
+    gaps = [p["span_s"][0] - ends[p["address"]] for p in after if p["address"] in ends and p["element"] == 0]
+    if gaps:
+        figures["service killed: seconds without element, median"] = round(float(np.median(gaps)), 1)
+
+
+def test_reports_from_before_a_cut_come_late_and_jolt_no_track(stack, figures):
+    # Given how much live points usually leave the line of flight
+    now_s = time.time()
+    wait_until(lambda: len(steps_m(stack, now_s - 30.0, time.time())) > 500, "points")
+    usual_m = steps_m(stack, now_s - 30.0, time.time())
+    before = sensor_of(stack, "adsb")
+    # When a feed's network is cut for twenty seconds
+    stack.cut("adsb", "adsb")
+    cut_s = time.time()
+    time.sleep(20.0)
+    without_m = steps_m(stack, cut_s, time.time())
+    stack.join("adsb", "adsb")
+    joined_s = time.time()
+    # Then what it could not deliver is fetched, and what is too old for its element is counted late
+    after = wait_until(
+        lambda: found if (found := sensor_of(stack, "adsb"))["batches"] > before["batches"] + 150 else None, "batches"
+    )
+    assert after["lost_batches"] == 0
+    counted = {r: n - before["rejected"].get(r, 0) for r, n in after["rejected"].items()}
+    assert counted.get("late", 0) + counted.get("too_old", 0) > 0
+    time.sleep(10.0)
+    after_m = steps_m(stack, joined_s, time.time())
+    figures["network cut 20 s: reports late or too old"] = {r: n for r, n in counted.items() if n}
+    figures["network cut 20 s: lost batches"] = 0
+    for name, found in (("before", usual_m), ("during", without_m), ("after", after_m)):
+        figures[f"network cut 20 s: step off the line of flight {name}, p50 / p99 / max m"] = " / ".join(
+            f"{value:.0f}" for value in (*np.percentile(found, [50, 99]), found.max())
+        )
+    # And no track is moved by it more than it moved before
+    assert np.percentile(after_m, 99) <= 2.0 * max(np.percentile(usual_m, 99), np.percentile(without_m, 99))
+    times: dict[int, float] = {}
+    for _, point in stack.points(cut_s):
+        assert point["time_s"] > times.get(point["track_number"], 0.0)
+        times[point["track_number"]] = point["time_s"]
+
+
+def test_bad_line_costs_no_batch(stack, figures):
+    # Given a line with 200 ms of delay, 20 ms of jitter and 2 % loss
+    pid = str(stack.inspect("adsb")["State"]["Pid"])
+    inside = ["nsenter", "-t", pid, "-n", "tc", "qdisc"]
+    bad = [*inside, "add", "dev", "eth0", "root", "netem", "delay", "200ms", "20ms", "loss", "2%"]
+    done = subprocess.run(bad, capture_output=True, text=True)
+    if done.returncode != 0:
+        pytest.skip(f"this kernel has no netem: {done.stderr.strip()}")
+    try:
+        before = sensor_of(stack, "adsb")
+        after = wait_until(
+            lambda: f if (f := sensor_of(stack, "adsb"))["batches"] > before["batches"] + 150 else None, "batches"
+        )
+        figures["delay 200 ± 20 ms, loss 2 %: latency of the feed, s"] = round(after["latency_s"], 2)
+        assert after["lost_batches"] == 0
+        assert after["rejected"].get("late", 0) == before["rejected"].get("late", 0)
+    finally:
+        run(*inside, "del", "dev", "eth0", "root")
