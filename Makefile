@@ -9,16 +9,16 @@ BENCH_STAMP := $(VENV)/.installed-bench
 .PHONY: help demo demo-real demo-compose test test-compose lint bench lock real-data clean
 
 help:
-	@echo "make demo       the whole job in this terminal: router, sensors, fusion, consumer"
-	@echo "make demo-real  the same with recorded ADS-B traffic"
+	@echo "make demo          the whole job in this terminal: router, sensors, fusion, consumer"
+	@echo "make demo-real     the same with recorded ADS-B traffic"
 	@echo "make demo-compose  the same with Docker: every sensor a container; checks it and leaves it running"
-	@echo "make test       all tests"
+	@echo "make test          all tests"
 	@echo "make test-compose  the Docker demo, brought up, broken and attacked: ten minutes"
-	@echo "make lint       ruff and mypy --strict"
-	@echo "make bench      accuracy and speed against other libraries"
-	@echo "make real-data  the recorded traffic, for demo-real and its test (56 MB)"
-	@echo "make lock       new locks after a change of dependencies"
-	@echo "make clean      remove everything that make has made"
+	@echo "make lint          ruff and mypy --strict"
+	@echo "make bench         accuracy and speed against other libraries"
+	@echo "make real-data     the recorded traffic, for demo-real and its test (56 MB)"
+	@echo "make lock          new locks after a change of dependencies"
+	@echo "make clean         remove everything that make has made"
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

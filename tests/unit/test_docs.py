@@ -24,7 +24,9 @@ CODE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 @cache
 def files() -> tuple[Path, ...]:
     """Every Python file of ours."""
-    return tuple(p for folder in ("core", "service", "tests", "benchmarks") for p in (ROOT / folder).rglob("*.py"))
+    return tuple(
+        p for folder in ("core", "service", "tests", "benchmarks", "deploy") for p in (ROOT / folder).rglob("*.py")
+    )
 
 
 def file_named(name: str) -> Path:
