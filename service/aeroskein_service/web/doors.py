@@ -19,11 +19,11 @@ __all__ = ["Doors", "Headers"]
 
 Handler = Callable[[Request], Awaitable[Response]]
 
-# What the page may load and whom it may talk to: this server and nobody else. Browser tools evaluate expressions in the
-# page, which is why eval is not forbidden; the page itself has none, nor text that becomes HTML (a test looks for both).
+# What the page may load and whom it may talk to: this server and nobody else. Browser tools evaluate expressions in
+# the page, which is why eval is not forbidden; the page itself has none, nor text that becomes HTML: a test looks.
 POLICY: Final = (
-    "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self' 'unsafe-eval'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 HEADERS: Final = (
     (b"content-security-policy", POLICY.encode()),

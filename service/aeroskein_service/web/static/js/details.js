@@ -92,7 +92,7 @@ export class Details {
       ]),
       h("h3", {}, "Sensors"), this._sensors(frame, row, point),
       this._flags(frame, row),
-      point ? h("p", { class: "dim" }, `live point ${point.seq} of service start ${new Date(point.epoch).toISOString().slice(0, 19)}Z`) : "",
+      point?.seq != null ? h("p", { class: "dim" }, `live point ${point.seq} of service start ${new Date(point.epoch).toISOString().slice(0, 19)}Z`) : "",
     );
   }
 
@@ -120,7 +120,7 @@ export class Details {
       const lately = (bits >>> k) & 1;
       const count = point?.sources?.[sensor.id];
       const words = [lately ? "contributes" : "silent"];
-      if (count) words.push(`${count} in the newest point`);
+      if (count && point.seq !== null) words.push(`${count} in the newest point`);
       if (frame.master(row) === k) words.push("master");
       return [
         h("span", {}, h("span", { class: "swatch", style: { background: sensorColour(this._stage.sensors, sensor.id, dark) } }), sensor.id),

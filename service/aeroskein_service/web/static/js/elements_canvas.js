@@ -240,11 +240,10 @@ export class ElementsCanvas {
     this._ellipse(scene.live, this._colours.axis, SIGMAS);
     c.strokeStyle = c.fillStyle = this._colours.axis;
     c.lineWidth = 2;
+    // Along the flight: to the right in the strip, by its track angle in the plan.
+    const turn = this.view.strip ? 0 : (((scene.live.track_angle_deg ?? 90) - 90) * Math.PI) / 180;
     c.beginPath();
-    c.moveTo(x + 9, y);
-    c.lineTo(x - 6, y - 6);
-    c.lineTo(x - 2, y);
-    c.lineTo(x - 6, y + 6);
+    for (const [u, v] of [[9, 0], [-6, -6], [-2, 0], [-6, 6]]) c.lineTo(x + u * Math.cos(turn) - v * Math.sin(turn), y + u * Math.sin(turn) + v * Math.cos(turn));
     c.closePath();
     c.fill();
     this.drawn.live = 1;

@@ -26,6 +26,8 @@ export class ElementHistory {
     if (this.number !== null && number !== this.number) this.clear(this.track);
     this.number = number;
     for (const element of answer.elements ?? []) this.elements.set(element.element, element);
+    // A replay may have jumped back: what is ahead of it is not known yet.
+    for (const [index, element] of this.elements) if (element.span_s[1] > answer.time_s) this.elements.delete(index);
     this.live = answer.live ?? null;
     this.waiting = answer.waiting ?? [];
     const indices = [...this.elements.keys()].sort((a, b) => a - b);
@@ -40,7 +42,7 @@ export class ElementHistory {
 
 // What is drawn: the last `count` elements with everything in both frames.
 export function makeScene(history, count) {
-  const records = history.list().slice(-count);
+  const records = unbroken(history.list()).slice(-count);
   if (!records.length && !history.live) return null;
   const place = history.live ?? records.at(-1).point;
   const plane = new LocalPlane(place.lat_deg, place.lon_deg);
@@ -53,6 +55,13 @@ export function makeScene(history, count) {
   // The newest division point is where the axis is 0, so that the picture does not jump when an old element goes.
   for (const element of elements) shift(element, -station);
   return { plane, elements, ...makeAhead(history, elements, plane) };
+}
+
+// The elements from the newest back to where one is missing, as after a jump of a replay.
+function unbroken(records) {
+  let first = records.length - 1;
+  while (first > 0 && records[first - 1].element === records[first].element - 1) first -= 1;
+  return records.slice(Math.max(first, 0));
 }
 
 function makeElement(record, plane, start) {

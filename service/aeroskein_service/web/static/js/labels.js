@@ -1,7 +1,7 @@
 // Data blocks beside the symbols, with leader lines, placed so that they cover neither symbols nor each other.
 //
 // Greedy, most important first: selected, emergency, then those that had a place before, so that labels do not jump. A
-// block that finds no free place of eight is left out; the symbol never is. An emergency is always written.
+// block that finds no free place of sixteen is left out; the symbol never is. An emergency is always written.
 
 import { knots, level, speed, trend } from "./format.js";
 
@@ -9,9 +9,12 @@ const FONT = "12px ui-monospace, 'DejaVu Sans Mono', Menlo, Consolas, monospace"
 const CHAR_PX = 7.23; // of that font
 const LINE_PX = 14;
 const NEAR_PX = 14; // from the symbol to the block
+const FAR_PX = 44;
 const CELL_PX = 24; // of the raster that finds free places
 // Directions tried: right up first, as controllers are used to.
-const DIRECTIONS = [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
+const AROUND = [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
+// Near the symbol, then farther off with a longer leader line. [side, up or down, px]
+const DIRECTIONS = [NEAR_PX, FAR_PX].flatMap((away) => AROUND.map(([h, v]) => [h, v, away]));
 const EMERGENCY_WORDS = { 0o7500: "HIJACK", 0o7600: "RADIO", 0o7700: "EMERGENCY" };
 
 export class Labels {
@@ -117,10 +120,10 @@ export class Labels {
 }
 
 function blockOffset(direction, width, height) {
-  const [h, v] = DIRECTIONS[direction];
+  const [h, v, away] = DIRECTIONS[direction];
   return {
-    x: h > 0 ? NEAR_PX : h < 0 ? -NEAR_PX - width : -width / 2,
-    y: v > 0 ? NEAR_PX / 2 : v < 0 ? -NEAR_PX / 2 - height : -height / 2,
+    x: h > 0 ? away : h < 0 ? -away - width : -width / 2,
+    y: v > 0 ? away / 2 : v < 0 ? -away / 2 - height : -height / 2,
   };
 }
 

@@ -70,16 +70,18 @@ function fault(error) {
   if (state.faults.length > 20) state.faults.shift();
 }
 
-// Look at the traffic, or at the sensors where there is none, until the user looks elsewhere.
+// Look at the traffic and the sensors, until the user looks elsewhere; wide enough that a single aircraft has a place.
 function firstLook() {
   const sites = stage.sensors.filter((sensor) => sensor.lat_deg != null);
   const extent = stage.traffic.extent();
   if (!extent && sites.length === 0) return;
   const box = extent ?? [90, 180, -90, -180];
-  for (const site of extent ? [] : sites) {
-    box[0] = Math.min(box[0], site.lat_deg - 1); box[1] = Math.min(box[1], site.lon_deg - 1.5);
-    box[2] = Math.max(box[2], site.lat_deg + 1); box[3] = Math.max(box[3], site.lon_deg + 1.5);
-  }
+  const include = (lat, lon, around) => {
+    box[0] = Math.min(box[0], lat - around); box[1] = Math.min(box[1], lon - 1.5 * around);
+    box[2] = Math.max(box[2], lat + around); box[3] = Math.max(box[3], lon + 1.5 * around);
+  };
+  for (const site of sites) include(site.lat_deg, site.lon_deg, 0.6);
+  if (extent) include((box[0] + box[2]) / 2, (box[1] + box[3]) / 2, 0.5);
   state.placed = Boolean(extent);
   view.fit(...box);
 }
