@@ -158,9 +158,7 @@ def web(
     file: Annotated[
         Path | None, typer.Argument(metavar="FILE", exists=True, dir_okay=False, help="A fused or report file.")
     ] = None,
-    listen: Annotated[
-        str | None, typer.Option("--listen", metavar="HOST:PORT", help="Instead of http.listen.")
-    ] = None,
+    listen: Annotated[str | None, typer.Option("--listen", metavar="HOST:PORT", help="Instead of http.listen.")] = None,
     connect: Annotated[str | None, typer.Option("--connect", metavar="ENDPOINT", help="The router.")] = None,
 ) -> int:
     """The page, as a consumer of the feed or over a fused or report file."""

@@ -166,9 +166,7 @@ class Service:
         if self._config.http.listen:
             listener = bind(self._config.http.listen)
             metrics = Metrics(lambda: None if self._runner is None else self._runner.status, self._is_connected)
-            server = HealthServer(
-                bind("127.0.0.1:0"), live=self.not_live, ready=self.not_ready, metrics=metrics.text
-            )
+            server = HealthServer(bind("127.0.0.1:0"), live=self.not_live, ready=self.not_ready, metrics=metrics.text)
             self._held.enter_context(server)
             self.http_url = url_of(listener)
             self._page = self._held.enter_context(PageProcess(listener, self._config, server.url))
