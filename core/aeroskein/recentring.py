@@ -52,7 +52,9 @@ def _turned(turn: Array, P: Array) -> Array:
     T = np.zeros((len(turn), 6, 6))
     for k in (0, 2, 4):
         T[:, k : k + 2, k : k + 2] = turn
-    return kalman.from_matrix(T @ kalman.to_matrix(P) @ T.swapaxes(1, 2))
+    turned = T @ kalman.to_matrix(P) @ T.swapaxes(1, 2)
+    # The kernels keep the symmetry that they are given, to the last bit.
+    return kalman.from_matrix(0.5 * (turned + turned.swapaxes(1, 2)))
 
 
 def _move_state(x: Array, old: Array, new: Array, turn: Array) -> None:
