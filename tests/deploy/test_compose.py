@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import time
 import urllib.request
 from pathlib import Path
 
 import pytest
 from tests.deploy.conftest import environment
 from tests.deploy.stack import Stack, run, wait_until
+
+from aeroskein_service.recording import NoRecordingError, find_recording
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(1500)]
 
@@ -120,3 +123,23 @@ def test_going_down_leaves_nothing(image):
     assert stack.leftovers()
     stack.down()
     assert not stack.leftovers()
+
+
+def test_recorded_traffic_is_fused_with_its_radars(image):
+    try:
+        recording = find_recording()
+    except NoRecordingError as error:
+        pytest.skip(str(error))
+    settings = environment(image) | {"AEROSKEIN_BEGIN": f"{time.time():.0f}", "AEROSKEIN_RECORDING": str(recording)}
+    stack = Stack(f"aeroskein-{os.getpid()}-real", ["compose.yaml", "compose.real.yaml"], settings)
+    try:
+        stack.up()
+
+        def around_paris() -> bool:
+            points = [point for _, point in stack.points() if point["status"] == "confirmed"]
+            near = {point["track"] for point in points if abs(point["lat_deg"] - 48.9) < 3.0}
+            return len(near) > 5 and {name for point in points for name in point["sources"]} >= {"adsb", "radar1"}
+
+        wait_until(around_paris, "confirmed tracks around Paris")
+    finally:
+        stack.down()

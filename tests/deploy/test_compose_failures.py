@@ -216,8 +216,11 @@ def test_reports_from_before_a_cut_come_late_and_jolt_no_track(stack, figures):
 def test_bad_line_costs_no_batch(stack, figures):
     # Given a line with 200 ms of delay, 20 ms of jitter and 2 % loss
     pid = str(stack.inspect("adsb")["State"]["Pid"])
+    # Its name changes when the network is taken away and given back.
+    links = run("nsenter", "-t", pid, "-n", "ip", "-o", "link").splitlines()
+    device = next(name for name in (line.split()[1].split("@")[0].rstrip(":") for line in links) if name != "lo")
     inside = ["nsenter", "-t", pid, "-n", "tc", "qdisc"]
-    bad = [*inside, "add", "dev", "eth0", "root", "netem", "delay", "200ms", "20ms", "loss", "2%"]
+    bad = [*inside, "add", "dev", device, "root", "netem", "delay", "200ms", "20ms", "loss", "2%"]
     done = subprocess.run(bad, capture_output=True, text=True)
     if done.returncode != 0:
         pytest.skip(f"this kernel has no netem: {done.stderr.strip()}")
@@ -230,4 +233,4 @@ def test_bad_line_costs_no_batch(stack, figures):
         assert after["lost_batches"] == 0
         assert after["rejected"].get("late", 0) == before["rejected"].get("late", 0)
     finally:
-        run(*inside, "del", "dev", "eth0", "root")
+        run(*inside, "del", "dev", device, "root")
