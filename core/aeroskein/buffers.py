@@ -33,7 +33,9 @@ def ring_depth(settings: EngineSettings) -> int:
     """
     fusion = settings.fusion
     rate = sum(1.0 / s.period_s for s in settings.sensors)
-    window_s = 1.25 * fusion.element_s * (fusion.lookahead + 2.5) + fusion.watermark_s + 2.0
+    window_s = (
+        1.25 * fusion.element_s * (fusion.lookahead + 2.5) + max(fusion.watermark_s, fusion.watermark_max_s) + 1.0
+    )
     slow = max((s.period_s for s in settings.sensors), default=1.0)
     return 8 * math.ceil(min(max(2.0 * rate * window_s, 4.0 * window_s / slow, 24.0), 512.0) / 8.0)
 

@@ -46,6 +46,8 @@ class ElementTable:
         self._settings = settings
         self._fast = np.array([s.period_s < FAST_PERIOD_S for s in settings.sensors])
         sensors = len(settings.sensors)
+        # How long closing waits behind the end of a look-ahead: the watermark, or what the feeds need. [s]
+        self.wait_s = settings.fusion.watermark_s
         self.open: Bools = np.zeros(capacity, dtype=np.bool_)
         self.boundaries_s = np.full((capacity, settings.fusion.lookahead + 2), np.inf)
         self.settled_s = np.full(capacity, -np.inf)
@@ -102,7 +104,7 @@ class ElementTable:
     @property
     def due_s(self) -> Array:
         """When each track's open element may close, inf where none is open. ``(capacity,)`` [s since the epoch]"""
-        due: Array = self.boundaries_s[:, -1] + self._settings.fusion.watermark_s
+        due: Array = self.boundaries_s[:, -1] + self.wait_s
         return due
 
     def close(self, slots: Ints, rings: Array) -> Closed:

@@ -14,6 +14,7 @@ from aeroskein.closing import ElementTable
 from aeroskein.conversion import SensorTable
 from aeroskein.element_log import ElementLog
 from aeroskein.frames import FrameTable
+from aeroskein.lateness import Lateness
 from aeroskein.live import LiveProduct
 from aeroskein.master_track import MasterChoice
 from aeroskein.plots import Ints
@@ -44,6 +45,7 @@ class EngineState:
         self.elements = ElementTable(settings, capacity)
         self.masters = MasterChoice(capacity, self.sensors.period_s)
         self.block = BlockTime()
+        self.lateness = Lateness(settings)
         self.offsets = HeightOffsets(capacity)
         self.seq = np.zeros((len(Product), capacity), dtype=np.int64)
         self.coasted_s = np.full(capacity, -np.inf)

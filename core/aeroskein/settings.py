@@ -155,6 +155,8 @@ class FusionSettings:
     """Element length, in seconds of flight along the master track; doubled while no source is faster than 4 s. [s]"""
     lookahead: int = 1
     """Elements to wait for before one is published."""
+    watermark_max_s: float = 4.0
+    """The wait follows a fast sensor whose reports usually come later than the watermark, up to this. [s]"""
     watermark_s: float = 1.0
     """How long the element product waits behind the clock for reports that are under way. [s]"""
     live: bool = True
@@ -171,6 +173,11 @@ class FusionSettings:
             f"expected 0.5 to 30 s, got {self.element_s}",
         )
         _require(0 <= self.lookahead <= 5, "fusion.lookahead", f"expected 0 to 5, got {self.lookahead}")
+        _require(
+            math.isfinite(self.watermark_max_s) and 0.0 <= self.watermark_max_s <= 10.0,
+            "fusion.watermark_max_s",
+            f"expected 0 to 10 s, got {self.watermark_max_s}",
+        )
         _require(
             math.isfinite(self.watermark_s) and 0.0 <= self.watermark_s <= 10.0,
             "fusion.watermark_s",
