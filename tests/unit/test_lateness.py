@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from tests.builders import ADSB, RADAR1, engine_settings
 
 from aeroskein.lateness import Lateness
-from tests.builders import ADSB, RADAR1, engine_settings
 
 
 def after(delays_s: object, sensor: int = 0, **fusion: float) -> float:
