@@ -1,8 +1,9 @@
 """Consistency: which aircraft contradict the others, so that none of them can teach a radar something wrong.
 
-Over the last minute one bias per radar is fitted to all aircraft so that no aircraft counts more the further it lies
-off (Huber's weight per aircraft, begun at the medians). An aircraft whose mean offset from that fit is beyond what its
-latency and its satellite navigation explain is wrong: spoofed, or carrying another aircraft's address.
+Over the last minute every aircraft has a mean offset from its plots. One bias per radar is fitted to these offsets so
+that no aircraft counts more the further it lies off (Huber's loss, which has one minimum, then a few steps in which far
+ones do not count at all). An aircraft whose offset from that fit is beyond what its latency, its satellite navigation
+and the fit itself explain is wrong: spoofed, or carrying another aircraft's address.
 """
 
 from __future__ import annotations
@@ -25,9 +26,14 @@ ROWS_MIN: Final = 5
 DISTANCE2_MAX: Final = 30.0
 # An offset is judged only if it matters: below this the aircraft's own states take it up. [m]
 OFFSET_MIN_M: Final = 60.0
+# Sigmas beyond which an aircraft, and a plot beside the others of its aircraft, loses weight.
 KNEE: Final = 1.5
 ROW_KNEE: Final = 2.0
-_ITERATIONS: Final = 10
+# Sigmas beyond which they do not count.
+FAR: Final = 6.0
+# Rounds with Huber's weight, and rounds after that without the far ones.
+HUBER_ROUNDS: Final = 15
+LAST_ROUNDS: Final = 4
 # Weak prior of a radar's bias for directions that the traffic does not show: 1 km, 2 deg, 1.5 s.
 _PRIOR_INFORMATION: Final = np.diag([1e-6, 0.25, 0.44])
 
@@ -55,48 +61,67 @@ def _of_radar(rows: Rows, latency_sigma_s: float) -> Ints:
     aircraft, index, count = np.unique(rows.aircraft, return_inverse=True, return_counts=True)
     if len(aircraft) < AIRCRAFT_MIN:
         return np.empty(0, dtype=np.int64)
-    information = np.asarray(np.linalg.inv(rows.covariance_m2), dtype=np.float64)
-    H, z = rows.of_sensor[:, :, :3], rows.error_m
+    H = rows.of_sensor[:, :, :3]
     bias = np.zeros(3)
-    # Every aircraft has one vote, not one per plot.
-    bias[:2] = np.median(_grouped_medians(index, z / H[:, [0, 1], [0, 1]]), axis=0)
-    offset_m = _medians(rows, index, z - H @ bias)
-    distance2 = np.zeros(len(aircraft))
-    for _ in range(_ITERATIONS):
-        weight = information * _row_weight(rows, index, information, z - H @ bias, offset_m)[:, None, None]
-        offset_m, distance2 = _offsets(rows, index, weight, z - H @ bias, latency_sigma_s)
-        vote = np.minimum(1.0, KNEE / np.sqrt(np.maximum(distance2, 1e-12)))
-        # Beyond six sigma no vote at all: a far outlier would still pull by its constant share.
-        nearby = np.where(distance2 > 36.0, 0.0, vote)
-        vote = nearby if nearby.sum() >= 2.0 else vote
-        weighted = H.swapaxes(1, 2) @ weight * (vote / count)[index, None, None]
-        normal = (weighted @ H).sum(axis=0) + _PRIOR_INFORMATION
-        bias = np.linalg.solve(normal, np.einsum("nij,nj->i", weighted, z))
-    far: Bools = (distance2 > DISTANCE2_MAX) & (np.linalg.norm(offset_m, axis=1) > OFFSET_MIN_M) & (count >= ROWS_MIN)
+    bias[:2] = np.median(_grouped_medians(index, rows.error_m / H[:, [0, 1], [0, 1]]), axis=0)
+    # Twice, because which plots are wild is seen better with a better bias.
+    for _ in range(2):
+        offset, of_bias, spread = _mean_offsets(rows, index, rows.error_m - H @ bias, latency_sigma_s)
+        step, covariance = _robust_fit(offset, of_bias, spread)
+        bias = bias + step
+    rest = offset - of_bias @ step
+    distance2 = _squares(rest, spread + of_bias @ covariance @ of_bias.swapaxes(1, 2))
+    far: Bools = (distance2 > DISTANCE2_MAX) & (np.linalg.norm(rest, axis=1) > OFFSET_MIN_M) & (count >= ROWS_MIN)
     # Where half or more disagree, it is not the aircraft that are wrong.
     return aircraft[far] if 2 * int(far.sum()) < len(aircraft) else np.empty(0, dtype=np.int64)
 
 
-def _row_weight(rows: Rows, index: Ints, information: Array, residual_m: Array, offset_m: Array) -> Array:
-    """Huber's weight of each row by its distance from its aircraft's last guess, ``(n,)``: wild plots lose theirs."""
-    beside = residual_m + np.einsum("nij,nj->ni", rows.of_aircraft[:, :, 1:], offset_m[index])
+def _mean_offsets(rows: Rows, index: Ints, residual_m: Array, latency_sigma_s: float) -> tuple[Array, Array, Array]:
+    """Mean offset of each aircraft, how it depends on the bias, and its covariance.
+
+    Returns
+    -------
+    offset_m : (a, 2) array
+        Plots minus reference, east and north. [m]
+    of_bias : (a, 2, 3) array
+        Its change with range, azimuth and time bias.
+    spread_m2 : (a, 2, 2) array
+        Noise of the mean, latency along the flight, satellite navigation. [m²]
+    """
+    G, H = -rows.of_aircraft[:, :, 1:], rows.of_sensor[:, :, :3]
+    information = np.linalg.inv(rows.covariance_m2)
+    beside = residual_m - np.einsum("nij,nj->ni", G, _medians(rows, index, residual_m)[index])
     distance = np.sqrt(np.einsum("ni,nij,nj->n", beside, information, beside))
-    return np.where(distance < 6.0, np.minimum(1.0, ROW_KNEE / np.maximum(distance, 1e-12)), 1e-6)
-
-
-def _offsets(
-    rows: Rows, index: Ints, weight_m2: Array, residual_m: Array, latency_sigma_s: float
-) -> tuple[Array, Array]:
-    """Mean offset of each aircraft, east and north ``(a, 2)``, and its squared statistical distance ``(a,)``."""
-    G = -rows.of_aircraft[:, :, 1:]
-    weighted = G.swapaxes(1, 2) @ weight_m2
+    weight = np.where(distance < FAR, np.minimum(1.0, ROW_KNEE / np.maximum(distance, 1e-12)), 1e-6)
+    weighted = G.swapaxes(1, 2) @ information * weight[:, None, None]
     covariance = np.linalg.inv(_sum_by(index, weighted @ G) + 1e-12 * np.eye(2))
     offset_m = np.einsum("aij,aj->ai", covariance, _sum_by(index, np.einsum("nij,nj->ni", weighted, residual_m)))
-    velocity = _sum_by(index, np.einsum("nij,ni->nj", G, rows.of_aircraft[:, :, 0]))
-    velocity /= np.bincount(index)[:, None]
+    of_bias = covariance @ _sum_by(index, weighted @ H)
+    velocity = _sum_by(index, np.einsum("nij,ni->nj", G, rows.of_aircraft[:, :, 0])) / np.bincount(index)[:, None]
     late = velocity * latency_sigma_s
     spread = covariance + late[:, :, None] * late[:, None, :] + OFFSET_SIGMA_M**2 * np.eye(2)
-    return offset_m, np.einsum("ai,ai->a", offset_m, np.linalg.solve(spread, offset_m[..., None])[..., 0])
+    return offset_m, of_bias, spread
+
+
+def _robust_fit(offset_m: Array, of_bias: Array, spread_m2: Array) -> tuple[Array, Array]:
+    """Bias ``(3,)`` that explains the offsets of most aircraft, and its covariance."""
+    weighted = of_bias.swapaxes(1, 2) @ np.linalg.inv(spread_m2)
+    normal, right = weighted @ of_bias, np.einsum("aij,aj->ai", weighted, offset_m)
+    bias, covariance = np.zeros(3), np.linalg.inv(_PRIOR_INFORMATION)
+    for turn in range(HUBER_ROUNDS + LAST_ROUNDS):
+        distance = np.sqrt(_squares(offset_m - of_bias @ bias, spread_m2))
+        vote = np.minimum(1.0, KNEE / np.maximum(distance, 1e-12))
+        nearby = np.where(distance < FAR, vote, 0.0)
+        if turn >= HUBER_ROUNDS and nearby.sum() >= 2.0:
+            vote = nearby
+        covariance = np.linalg.inv(np.einsum("a,aij->ij", vote, normal) + _PRIOR_INFORMATION)
+        bias = covariance @ np.einsum("a,ai->i", vote, right)
+    return bias, covariance
+
+
+def _squares(residual: Array, covariance: Array) -> Array:
+    squares: Array = np.einsum("ai,ai->a", residual, np.linalg.solve(covariance, residual[..., None])[..., 0])
+    return squares
 
 
 def _medians(rows: Rows, index: Ints, residual_m: Array) -> Array:

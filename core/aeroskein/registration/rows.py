@@ -121,7 +121,9 @@ class Rows:
 
 def usable(rows: Comparisons, geometry: Geometry) -> NDArray[np.bool_]:
     """Which comparisons can say something about biases, shape ``(n,)``."""
-    finite = np.isfinite(geometry.range_error_m + geometry.across_error_m + geometry.radial_mps)
+    finite = np.isfinite(geometry.range_error_m + geometry.across_error_m + geometry.radial_mps + rows.height_sigma_m)
+    # Only an anchored reference lends its covariance.
+    finite &= np.isfinite(rows.position_cov_m2).all(axis=1) | ~rows.anchored
     with np.errstate(invalid="ignore"):
         return (
             finite

@@ -169,6 +169,23 @@ def test_a_radar_three_degrees_off_is_registered_all_the_same() -> None:
     assert registration.estimates()[0][1, 1] == pytest.approx(3.0, abs=0.02)
 
 
+@pytest.mark.parametrize(
+    "column", ["range_m", "lat_deg", "height_m", "v_east_mps", "position_cov_m2", "height_sigma_m"]
+)
+def test_a_comparison_that_lacks_a_number_is_left_out(column: str) -> None:
+    scene = Scene(two_radars(np.random.default_rng(1)), aircraft=20, duration_s=30.0, seed=1)
+    registration, broken = Registration(engine_settings(scene.radars)), Registration(engine_settings(scene.radars))
+    rows = comparisons(scene)
+    odd = np.arange(len(rows)) % 2 == 1
+    feed(registration, rows.take(~odd), 30.0)
+
+    getattr(rows, column)[odd] = np.nan
+    feed(broken, rows, 30.0)
+
+    assert np.isfinite(broken.estimates()[1]).all()
+    assert broken.estimates()[0][1:, :2] == pytest.approx(registration.estimates()[0][1:, :2], abs=1.0)
+
+
 def test_spoofed_aircraft_do_not_steer_registration() -> None:
     scene = Scene(two_radars(np.random.default_rng(7)), aircraft=10, duration_s=180.0, seed=7,
                   spoofed=np.array([1, 4]), spoof_m=(600.0, -400.0))  # fmt: skip

@@ -91,6 +91,12 @@ def test_wild_plots_do_not_make_an_aircraft_wrong(seed: int) -> None:
     assert contradicting_aircraft(anchored({}, aircraft=9, wild=0.05, seed=seed), 0.1).tolist() == []
 
 
+def test_honest_aircraft_of_a_biased_radar_are_never_wrong() -> None:
+    named = [contradicting_aircraft(anchored({}, aircraft=18, wild=0.0, seed=k), 0.05).tolist() for k in range(40)]
+
+    assert named == [[]] * 40
+
+
 def test_two_aircraft_cannot_say_who_of_them_is_wrong() -> None:
     assert contradicting_aircraft(anchored({1: (900.0, 0.0)}, aircraft=2, wild=0.0, seed=1), 0.1).tolist() == []
 
