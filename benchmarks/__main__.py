@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__.partition("\n")[0])
     parser.add_argument("name", nargs="*", choices=[*BENCHMARKS, []], help="which; all without a name")
     parser.add_argument(
-        "--quick", action="store_true", help="small samples, in minutes; a goal may be missed by chance"
+        "--quick", action="store_true", help="small samples: goals may be missed by chance"
     )
     options = parser.parse_args(arguments)
     failed = []
