@@ -7,7 +7,19 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tests.builders import ADSB, RADAR1, RADAR2, START_S, TICK_S, Drive, by_track, engine_settings
+from tests.builders import (
+    ADSB,
+    RADAR1,
+    RADAR2,
+    START_S,
+    TICK_S,
+    Drive,
+    Flight,
+    adsb,
+    by_track,
+    engine_settings,
+    radar,
+)
 from tests.engine_scenes import SENSORS, fuse, fused, moved_m, scene
 
 from aeroskein.plots import Plots
@@ -211,6 +223,21 @@ def test_arrival_within_the_watermark_moves_no_element_by_a_millimetre() -> None
 
     assert moved_m(orderly, shuffled).max() < 1e-3
     assert np.array_equal(np.sort(orderly.span_s, axis=0), np.sort(shuffled.span_s, axis=0))
+
+
+def test_what_closes_when_ten_seconds_begin_is_not_applied_in_them_whoever_reports_just_then() -> None:
+    teacher, learner, other = Flight(), Flight(lat_deg=48.36, lon_deg=11.9, address=1), Flight(lat_deg=50.0, address=2)
+    # The teacher's first element closes at 10.0 s, when nobody reports; or when somebody far away does.
+    common = [adsb(teacher, np.arange(1.0, 30.0), delay_s=0.3), radar(learner, np.arange(1.2, 30.0, 4.0), delay_s=0.1)]
+    quiet, busy = fuse_plots(*common), fuse_plots(*common, adsb(other, 9.95))
+
+    a, b = (d.elements.take(np.flatnonzero(d.elements.address == 1)) for d in (quiet, busy))
+    assert np.array_equal(a.lat_deg, b.lat_deg)
+    assert np.array_equal(a.lon_deg, b.lon_deg)
+
+
+def fuse_plots(*plots: Plots) -> Drive:
+    return Drive.of(engine_settings(ADSB, RADAR1)).feed(plots).finish()
 
 
 def test_a_tenth_of_the_reports_up_to_four_seconds_late_moves_elements_by_less_than_a_metre() -> None:

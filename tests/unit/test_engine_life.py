@@ -128,6 +128,18 @@ def test_an_aircraft_that_is_heard_again_goes_on_with_its_number() -> None:
     assert live.seq.tolist() == list(range(len(live)))
 
 
+def test_a_late_report_of_a_coasting_track_does_not_turn_its_time_back() -> None:
+    # Last heard at 9.5 s, predicted for 12.75 and 13.75 s; then something from 9.2 s arrives, and again silence.
+    plots = [adsb(FLIGHT, seconds(0.5, 10.0)), adsb(FLIGHT, 9.2, delay_s=4.6)]
+
+    drive = Drive.of().feed(plots, until_s=25.0)
+
+    live = drive.live
+    assert drive.counts[0, Reason.ACCEPTED] == 11
+    assert (np.diff(live.time_s) > 0.0).all()
+    assert live.time_s[-1] > START_S + 15.0
+
+
 def test_a_track_keeps_its_number_while_one_sensor_is_silent() -> None:
     plots = [adsb(FLIGHT, seconds(0.5, 15.0)), radar(FLIGHT, seconds(1.2, 60.0, 4.0))]
 

@@ -105,6 +105,20 @@ def test_covariances_and_velocities_turn_with_the_plane() -> None:
     np.testing.assert_allclose(one.buffers.rows[0], other.buffers.rows[0], rtol=1e-4, atol=1e-3)
 
 
+def test_accelerations_turn_too() -> None:
+    drive, _ = drive_in_a_far_plane()
+    state = drive.engine._state
+    far = state.frames.rows[state.tracks.frame[[0]]]
+    state.elements.states[0, 4:6] = 3.0, -2.0
+    east, north, _, _ = state.live.bank.steady(np.array([0]))
+
+    recentre(state)
+
+    _, _, turn = geodesy.move_frame(far, state.frames.rows[state.tracks.frame[[0]]], east, north)
+    np.testing.assert_allclose(state.elements.states[0, 4:6], turn[0] @ [3.0, -2.0], rtol=1e-12)
+    assert abs(turn[0, 0, 1]) > 1e-3
+
+
 def test_covariances_stay_symmetric_to_the_last_bit() -> None:
     drive, _ = drive_in_a_far_plane()
 

@@ -95,6 +95,7 @@ def test_the_address_of_an_ended_track_is_free_again() -> None:
     first = opened(tracks, 10)[0]
 
     tracks.terminate(np.array([first]), NOW_S)
+    assert owner(tracks, 10) == [-1]
     second = opened(tracks, 10)[0]
 
     assert second != first
