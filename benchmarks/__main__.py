@@ -32,9 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the chosen benchmarks; returns the exit status."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__.partition("\n")[0])
     parser.add_argument("name", nargs="*", choices=[*BENCHMARKS, []], help="which; all without a name")
-    parser.add_argument(
-        "--quick", action="store_true", help="small samples: goals may be missed by chance"
-    )
+    parser.add_argument("--quick", action="store_true", help="small samples: goals may be missed by chance")
     options = parser.parse_args(arguments)
     failed = []
     for name in options.name or BENCHMARKS:
