@@ -9,21 +9,24 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein_service.codec import MessageError
-from aeroskein_service.messages import FusedPoint
+from aeroskein_service.messages import MSGPACK, FusedPoint
 from aeroskein_service.web.live_points import (
     STATUS_INDEX,
     LivePoint,
     flag_bits,
-    read_feed,
+    read_messages,
+    read_point,
     source_names,
     whole_point,
 )
+from aeroskein_service.web.quick_points import BODY, TAIL, QuickReader
 from aeroskein_service.web.records import (
     NAMED_BY_ADDRESS,
     UNKNOWN_ADDRESS,
@@ -42,13 +45,32 @@ MESSAGES: Final = 20_000  # messages that may wait, half a minute at 20,000 poin
 FIRST_TRACKS: Final = 1024  # slots at the start; doubled when they are used up
 POINTS_AT_ONCE: Final = 5000  # points that become columns together: 10 ms
 UNKNOWN_COVARIANCE: Final = (np.nan,) * 3
-CACHED: Final = 4096  # different values of ``sources`` and ``flags`` remembered
+CACHED: Final = 20_000  # different tails of points remembered
 TERMINATED: Final = STATUS_INDEX["terminated"]
 ENDED_S: Final = 5.0  # how long an ended track stays in the picture
 # A track that the service has not mentioned for so long, while it did mention others, was dropped by it. [s]
 FORGOTTEN_S: Final = 60.0
 # Tracks of a service that started earlier go when they have had no news for so long. [s]
 REPLACED_S: Final = 3.0
+
+
+class _Kept(NamedTuple):
+    """Where a point stands: the message it came in, and its place there."""
+
+    payload: bytes
+    encoding: str
+    index: int
+
+
+class _Batch:
+    """Points that become columns together."""
+
+    def __init__(self) -> None:
+        self.slots: list[int] = []
+        self.tails: list[int] = []
+        self.numbers: list[tuple[Any, ...]] = []
+        self.bodies: list[bytes] = []
+        self.messages: list[_Kept] = []
 
 
 class LivePicture:
@@ -75,9 +97,13 @@ class LivePicture:
         self._contributed_s = np.zeros((0, MOST_SENSORS))
         self._identity: list[tuple[Any, ...] | None] = []
         self._number: list[int] = []
-        self._message: list[tuple[bytes, str, int] | None] = []
-        self._source_cache: dict[bytes, int] = {}
-        self._flag_cache: dict[bytes, int] = {}
+        self._message: list[_Kept | None] = []
+        self._reader = QuickReader()
+        self._slot_of_head: dict[bytes, int] = {}
+        self._head: list[bytes | None] = []
+        self._tails: dict[bytes, int] = {}
+        self._tail_rows: dict[tuple[int, ...], int] = {}
+        self._tail_table = np.zeros((0, 4), dtype=np.int64)
         self._newest_epoch = 0
         self.news_s = 0.0  # when the feed last said anything
         self.points = 0
@@ -96,43 +122,103 @@ class LivePicture:
     def drain(self) -> None:
         """Read what has arrived."""
         while self._waiting:
-            points: list[LivePoint] = []
-            slots: list[int] = []
-            masks: list[int] = []
-            flags: list[int] = []
-            while self._waiting and len(points) < POINTS_AT_ONCE:
+            quick, slow = _Batch(), _Batch()
+            while self._waiting and len(quick.slots) + len(slow.slots) < POINTS_AT_ONCE:
                 payload, encoding = self._waiting.popleft()
                 try:
-                    feed = read_feed(payload, encoding)
+                    epoch, points = read_messages(payload, encoding)
                 except MessageError:
                     self.broken += 1
                     continue
-                self._newest_epoch = max(self._newest_epoch, feed.epoch)
-                points += feed.points
-                slots += [self._slot(p, feed.epoch, (payload, encoding, i)) for i, p in enumerate(feed.points)]
-                masks += [self._sources(p.sources, encoding) for p in feed.points]
-                flags += [self._flags(p.flags, encoding) for p in feed.points]
-            if points:
-                self._take(points, np.array(slots), np.array(masks, dtype=np.uint32), flags)
+                self._newest_epoch = max(self._newest_epoch, epoch)
+                self._sort(quick, slow, epoch, points, payload, encoding)
+            if quick.slots:
+                numbers, known = self._reader.read(quick.bodies)
+                for place in np.flatnonzero(~known).tolist():
+                    message = quick.messages[place]
+                    epoch, points = read_messages(message.payload, message.encoding)
+                    self._read_slowly(slow, bytes(points[message.index]), epoch, message)
+                self._take(quick, numbers, known)
+            if slow.slots:
+                self._take(slow, np.array(slow.numbers).T, np.ones(len(slow.slots), dtype=np.bool_))
 
-    def _take(self, points: list[LivePoint], slots: NDArray[np.int64], masks: NDArray[np.uint32], flags: Any) -> None:
+    def _sort(
+        self, quick: _Batch, slow: _Batch, epoch: int, points: list[msgspec.Raw], payload: bytes, encoding: str
+    ) -> None:
+        """Find the slots of points by their heads, which are the same every second; a new one is read in full.
+
+        This runs 20,000 times a second, so what it needs is at hand, and nothing is called that need not be.
+        """
+        slot_of, tail_of, kept = self._slot_of_head.get, self._tails.get, self._message
+        slots, tails, bodies, messages = quick.slots, quick.tails, quick.bodies, quick.messages
+        packed = encoding == MSGPACK
+        for index, raw in enumerate(points):
+            point, message = bytes(raw), _Kept(payload, encoding, index)
+            body = point.find(BODY) if packed else -1
+            end = point.find(TAIL, body)
+            slot, tail = slot_of(point[:body]), tail_of(point[end:])
+            if slot is not None and tail is not None and 0 < body < end:
+                kept[slot] = message
+                slots.append(slot)
+                tails.append(tail)
+                bodies.append(point[body:end])
+                messages.append(message)
+                continue
+            read = self._read_slowly(slow, point, epoch, message)
+            if read is not None and 0 < body < end:
+                self._remember(point[:body], point[end:], *read)
+
+    def _remember(self, head: bytes, tail: bytes, slot: int, row: int) -> None:
+        before = self._head[slot]
+        if before is not None:
+            self._slot_of_head.pop(before, None)
+        self._slot_of_head[head], self._head[slot] = slot, head
+        if len(self._tails) >= CACHED:
+            self._tails.clear()
+        self._tails[tail] = row
+
+    def _tail(self, *values: int) -> int:
+        """The row of status, master, sensors and flags in the table of those there are."""
+        row = self._tail_rows.setdefault(values, len(self._tail_rows))
+        if row == len(self._tail_table):
+            self._tail_table = np.concatenate([self._tail_table, np.array([values], dtype=np.int64)])
+        return row
+
+    def _read_slowly(self, slow: _Batch, point: bytes, epoch: int, message: _Kept) -> tuple[int, int] | None:
+        """Read a point field by field; None where it is none."""
+        encoding = message.encoding
+        try:
+            p = read_point(point, encoding)
+        except MessageError:
+            self.broken += 1
+            return None
+        slot = self._slot(p, epoch, message)
+        bits = 0
+        for name in source_names(p.sources, encoding):
+            bits |= 1 << self._sensors.index(name)
+        master = -1 if p.master is None else self._sensors.index(p.master)
+        tail = self._tail(STATUS_INDEX.get(p.status, 0), master, bits, flag_bits(p.flags, encoding))
+        slow.slots.append(slot)
+        slow.tails.append(tail)
+        slow.numbers.append(
+            (p.time_s, p.lat_deg, p.lon_deg, p.altitude_m, p.ground_speed_mps, p.track_angle_deg, p.vertical_rate_mps,
+             p.input_received_s, *(p.position_cov_m2 or UNKNOWN_COVARIANCE))
+        )  # fmt: skip
+        return slot, tail
+
+    def _take(self, batch: _Batch, numbers: Any, known: NDArray[np.bool_]) -> None:
         """Write points into the columns; of two of one track the later one stays."""
-        self.points += len(points)
-        numbers = np.array(
-            [
-                (p.time_s, p.lat_deg, p.lon_deg, p.altitude_m, p.ground_speed_mps, p.track_angle_deg,
-                 p.vertical_rate_mps, p.input_received_s, *(p.position_cov_m2 or UNKNOWN_COVARIANCE))
-                for p in points
-            ],
-            dtype=np.float64,
-        ).T  # fmt: skip
+        slots = np.array(batch.slots)[known]
+        numbers = np.asarray(numbers, dtype=np.float64)[:, known]
+        status, master, masks, flags = self._tail_table[np.array(batch.tails)[known]].T
+        self.points += len(slots)
         records = self._records
         pack_position(records, slots, *numbers[1:4])
         pack_motion(records, slots, *numbers[4:7])
         records["sigma_m"][slots] = largest_sigma(*numbers[8:11])
-        records["status"][slots] = [STATUS_INDEX.get(p.status, 0) for p in points]
+        records["status"][slots] = status
         records["flags"][slots] = flags
-        records["master"][slots] = [-1 if p.master is None else self._sensors.index(p.master) for p in points]
+        records["master"][slots] = master
         self._time_s[slots] = numbers[0]
         self._arrived_s[slots] = self._clock()
         self._heard_s[slots] = numbers[7]
@@ -140,7 +226,7 @@ class LivePicture:
             rows = np.flatnonzero(masks >> sensor & 1)
             self._contributed_s[slots[rows], sensor] = numbers[0, rows]
 
-    def _slot(self, point: LivePoint, epoch: int, message: tuple[bytes, str, int]) -> int:
+    def _slot(self, point: LivePoint, epoch: int, message: _Kept) -> int:
         slot = self._slot_of.get(point.track_number)
         if slot is None or self._epoch[slot] != epoch:
             if slot is not None:
@@ -177,28 +263,6 @@ class LivePicture:
         record["mode_a"][slot] = _number(mode_a, 8, UNKNOWN_MODE_A) & 0xFFFF
         record["callsign"][slot] = (callsign or "").encode("ascii", "replace")[:8]
 
-    def _sources(self, raw: bytes, encoding: str) -> int:
-        """The sensors in a point's ``sources`` as bits."""
-        key = bytes(raw)
-        found = self._source_cache.get(key)
-        if found is None:
-            if len(self._source_cache) >= CACHED:
-                self._source_cache.clear()
-            found = 0
-            for name in source_names(key, encoding):
-                found |= 1 << self._sensors.index(name)
-            self._source_cache[key] = found
-        return found
-
-    def _flags(self, raw: bytes, encoding: str) -> int:
-        key = bytes(raw)
-        found = self._flag_cache.get(key)
-        if found is None:
-            if len(self._flag_cache) >= CACHED:
-                self._flag_cache.clear()
-            found = self._flag_cache[key] = flag_bits(key, encoding)
-        return found
-
     # -- slots -------------------------------------------------------------------------------------------------------
     def _grow(self, capacity: int) -> None:
         before = len(self._records)
@@ -210,6 +274,7 @@ class LivePicture:
         self._contributed_s = np.concatenate([self._contributed_s, np.full((more, MOST_SENSORS), -np.inf)])
         self._identity += [None] * more
         self._number += [-1] * more
+        self._head += [None] * more
         self._message += [None] * more
         self._free += range(capacity - 1, before - 1, -1)
 
@@ -218,7 +283,10 @@ class LivePicture:
         identity = self._identity[slot]
         if identity is not None and self._slot_of_label.get(identity[0]) == slot:
             del self._slot_of_label[identity[0]]
-        self._identity[slot] = self._message[slot] = None
+        head = self._head[slot]
+        if head is not None:
+            self._slot_of_head.pop(head, None)
+        self._identity[slot] = self._message[slot] = self._head[slot] = None
         self._free.append(slot)
 
     def prune(self) -> None:

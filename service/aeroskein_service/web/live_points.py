@@ -12,7 +12,7 @@ import msgspec
 from aeroskein_service.codec import MessageError, decode_feed, media_type
 from aeroskein_service.messages import FLAG_NAMES, JSON, MSGPACK, STATUS_NAMES, FusedPoint
 
-__all__ = ["LiveFeed", "LivePoint", "flag_bits", "read_feed", "source_names", "whole_point"]
+__all__ = ["LivePoint", "flag_bits", "read_messages", "read_point", "source_names", "whole_point"]
 
 
 class LivePoint(msgspec.Struct, gc=False):
@@ -38,32 +38,40 @@ class LivePoint(msgspec.Struct, gc=False):
     input_received_s: float | None = None
 
 
-class LiveFeed(msgspec.Struct, gc=False):
-    """One message of ``feed/live``."""
+class _Feed(msgspec.Struct, gc=False):
+    """One message of ``feed/live``, its points not read yet."""
 
     epoch: int
-    points: list[LivePoint]
+    points: list[msgspec.Raw]
 
 
-_DECODERS: Final[dict[str, Any]] = {
-    MSGPACK: msgspec.msgpack.Decoder(LiveFeed),
-    JSON: msgspec.json.Decoder(LiveFeed),
-}
+_FEEDS: Final[dict[str, Any]] = {MSGPACK: msgspec.msgpack.Decoder(_Feed), JSON: msgspec.json.Decoder(_Feed)}
+_POINTS: Final[dict[str, Any]] = {MSGPACK: msgspec.msgpack.Decoder(LivePoint), JSON: msgspec.json.Decoder(LivePoint)}
 _RAW: Final[dict[str, Any]] = {MSGPACK: msgspec.msgpack.decode, JSON: msgspec.json.decode}
 STATUS_INDEX: Final = {name: index for index, name in enumerate(STATUS_NAMES)}
 _FLAG_BIT: Final = {name: 1 << bit for bit, name in enumerate(FLAG_NAMES)}
 
 
-def read_feed(payload: bytes, encoding: str) -> LiveFeed:
-    """One message. Raises ``MessageError``."""
-    decoder = _DECODERS.get(media_type(encoding))
+def read_messages(payload: bytes, encoding: str) -> tuple[int, list[msgspec.Raw]]:
+    """Epoch and points of one message. Raises ``MessageError``."""
+    feed = _decoded(_FEEDS, payload, encoding, "feed message")
+    return feed.epoch, feed.points
+
+
+def read_point(payload: bytes, encoding: str) -> LivePoint:
+    """One point. Raises ``MessageError``."""
+    point: LivePoint = _decoded(_POINTS, payload, encoding, "point")
+    return point
+
+
+def _decoded(decoders: dict[str, Any], payload: bytes, encoding: str, what: str) -> Any:
+    decoder = decoders.get(media_type(encoding))
     if decoder is None:
         raise MessageError(f"encoding {encoding[:60]!r} is not one of the contract")
     try:
-        made: LiveFeed = decoder.decode(payload)
+        return decoder.decode(payload)
     except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise MessageError(f"the payload is no feed message: {error}") from None
-    return made
+        raise MessageError(f"the payload is no {what}: {error}") from None
 
 
 def whole_point(payload: bytes, encoding: str, index: int) -> FusedPoint:

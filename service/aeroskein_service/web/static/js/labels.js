@@ -10,7 +10,10 @@ const CHAR_PX = 7.23; // of that font
 const LINE_PX = 14;
 const NEAR_PX = 14; // from the symbol to the block
 const FAR_PX = 44;
-const CELL_PX = 24; // of the raster that finds free places
+const CELL_PX = 7; // of the raster that finds free places
+const EDGE = 12; // cells beyond the edge of the screen
+const TRIES = 4; // aircraft that may be tried for each label that may be drawn
+const VEIL = 0.6;
 // Directions tried: right up first, as controllers are used to.
 const AROUND = [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
 // Near the symbol, then farther off with a longer leader line. [side, up or down, px]
@@ -29,24 +32,14 @@ export class Labels {
 
   // Find places for the labels of this frame. `marked` are rows that come first.
   place(traffic, view, moved, marked) {
-    const settings = this._settings, frame = traffic.frame;
-    const rows = [];
-    for (let i = 0; i < frame.count; i++) {
-      const first = marked.has(i) || frame.emergency(i);
-      if (!first && (settings.labels === 0 || !traffic.passes[i])) continue;
-      const [mx, my] = traffic.at(i, moved);
-      const x = view.screenX(mx), y = view.screenY(my);
-      if (x < -20 || y < -20 || x > view.width + 20 || y > view.height + 20) continue;
-      rows.push({ i, x, y, rank: marked.has(i) ? 0 : frame.emergency(i) ? 1 : this._places.has(frame.number(i)) ? 2 : 3 });
-    }
-    this.wanted = rows.length;
-    rows.sort((a, b) => a.rank - b.rank || frame.number(a.i) - frame.number(b.i));
+    const frame = traffic.frame;
     const raster = new Raster(view.width, view.height);
-    for (const row of rows) raster.take(row.x - 5, row.y - 5, 10, 10);
-    this._placed = [];
+    const ranks = this._ranked(traffic, view, moved, marked, raster);
     const places = new Map();
-    for (const row of rows) {
-      if (this._placed.length >= settings.density && row.rank > 1) break;
+    this._placed = [];
+    let tries = 0;
+    for (const row of ranks.flat()) {
+      if (row.rank > 1 && (this._placed.length >= this._settings.density || tries++ > TRIES * this._settings.density)) break;
       const block = this._block(traffic, row, raster);
       if (!block) continue;
       places.set(frame.number(row.i), block.direction);
@@ -55,20 +48,38 @@ export class Labels {
     this._places = places;
   }
 
+  // What wants a label, by importance; every symbol takes its place on the raster.
+  _ranked(traffic, view, moved, marked, raster) {
+    const frame = traffic.frame, ranks = [[], [], [], []], all = this._settings.labels > 0;
+    const at = { x: 0, y: 0 };
+    this.wanted = 0;
+    for (let i = 0; i < frame.count; i++) {
+      traffic.screen(view, i, moved, at);
+      if (at.x < -20 || at.y < -20 || at.x > view.width + 20 || at.y > view.height + 20) continue;
+      raster.mark(at.x, at.y);
+      const rank = marked.has(i) ? 0 : frame.emergency(i) ? 1 : !all || !traffic.passes[i] ? -1 : this._places.has(frame.number(i)) ? 2 : 3;
+      if (rank < 0) continue;
+      this.wanted += 1;
+      // Of those without a place so far only as many are kept as may be tried.
+      if (rank < 3 || ranks[3].length < TRIES * this._settings.density) ranks[rank].push({ i, x: at.x, y: at.y, rank });
+    }
+    return ranks;
+  }
+
   _block(traffic, row, raster) {
-    const lines = dataBlock(traffic.frame, row.i, row.rank === 0 ? 2 : Math.max(this._settings.labels, row.rank === 1 ? 2 : 0), this._settings);
-    const width = Math.max(...lines.map((line) => line.length)) * CHAR_PX, height = lines.length * LINE_PX;
-    const before = this._places.get(traffic.frame.number(row.i));
-    const order = before === undefined ? DIRECTIONS.keys() : [before, ...DIRECTIONS.keys()];
-    for (const direction of order) {
+    const detail = row.rank <= 1 ? 2 : this._settings.labels;
+    const lines = dataBlock(traffic.frame, row.i, detail, this._settings);
+    const width = lines.reduce((most, line) => Math.max(most, line.length), 0) * CHAR_PX, height = lines.length * LINE_PX;
+    const before = this._places.get(traffic.frame.number(row.i)) ?? 0;
+    for (let k = -1; k < DIRECTIONS.length; k++) {
+      const direction = k < 0 ? before : k;
       const offset = blockOffset(direction, width, height);
       if (raster.free(row.x + offset.x, row.y + offset.y, width, height)) {
         raster.take(row.x + offset.x, row.y + offset.y, width, height);
         return { i: row.i, lines, width, height, direction, rank: row.rank };
       }
     }
-    if (row.rank > 1) return null;
-    return { i: row.i, lines, width, height, direction: 0, rank: row.rank };
+    return row.rank > 1 ? null : { i: row.i, lines, width, height, direction: 0, rank: row.rank };
   }
 
   draw(traffic, view, moved, colours, palette) {
@@ -94,14 +105,13 @@ export class Labels {
         context.lineTo(ex, ey);
         context.stroke();
       }
-      context.lineWidth = 3;
-      context.strokeStyle = colours.halo;
+      // A veil under the text keeps it readable over lines; drawing an outline round it would cost as much as the text.
+      context.globalAlpha = VEIL;
+      context.fillStyle = colours.halo;
+      context.fillRect(left - 1, top - 1, block.width + 2, block.height);
+      context.globalAlpha = 1;
       context.fillStyle = ink;
-      context.lineJoin = "round";
-      block.lines.forEach((line, k) => {
-        context.strokeText(line, left, top + k * LINE_PX);
-        context.fillText(line, left, top + k * LINE_PX);
-      });
+      for (let k = 0; k < block.lines.length; k++) context.fillText(block.lines[k], left, top + k * LINE_PX);
       this.drawn += 1;
     }
     context.textBaseline = "alphabetic";
@@ -143,27 +153,29 @@ export function dataBlock(frame, i, detail, settings) {
 // Which cells of the screen are taken.
 class Raster {
   constructor(width, height) {
-    this._columns = Math.ceil(width / CELL_PX) + 2;
-    this._rows = Math.ceil(height / CELL_PX) + 2;
-    this._boxes = Array.from({ length: this._columns * this._rows }, () => null);
+    this._columns = Math.ceil(width / CELL_PX) + 2 * EDGE;
+    this._rows = Math.ceil(height / CELL_PX) + 2 * EDGE;
+    this._taken = new Uint8Array(this._columns * this._rows);
   }
 
-  *_cells(x, y, w, h) {
-    const left = Math.max(0, Math.floor(x / CELL_PX) + 1), right = Math.min(this._columns - 1, Math.floor((x + w) / CELL_PX) + 1);
-    const top = Math.max(0, Math.floor(y / CELL_PX) + 1), bottom = Math.min(this._rows - 1, Math.floor((y + h) / CELL_PX) + 1);
-    for (let r = top; r <= bottom; r++) for (let c = left; c <= right; c++) yield r * this._columns + c;
+  _column(x) { return Math.max(0, Math.min(this._columns - 1, Math.floor(x / CELL_PX) + EDGE)); }
+  _row(y) { return Math.max(0, Math.min(this._rows - 1, Math.floor(y / CELL_PX) + EDGE)); }
+
+  // The place of a symbol.
+  mark(x, y) {
+    this._taken[this._row(y) * this._columns + this._column(x)] = 1;
   }
 
   free(x, y, w, h) {
-    for (const cell of this._cells(x, y, w, h)) {
-      const boxes = this._boxes[cell];
-      if (boxes && boxes.some((b) => x < b[0] + b[2] && x + w > b[0] && y < b[1] + b[3] && y + h > b[1])) return false;
+    const left = this._column(x), right = this._column(x + w), bottom = this._row(y + h);
+    for (let r = this._row(y); r <= bottom; r++) {
+      for (let at = r * this._columns + left, end = r * this._columns + right; at <= end; at++) if (this._taken[at]) return false;
     }
     return true;
   }
 
   take(x, y, w, h) {
-    const box = [x, y, w, h];
-    for (const cell of this._cells(x, y, w, h)) (this._boxes[cell] ??= []).push(box);
+    const left = this._column(x), right = this._column(x + w), bottom = this._row(y + h);
+    for (let r = this._row(y); r <= bottom; r++) this._taken.fill(1, r * this._columns + left, r * this._columns + right + 1);
   }
 }

@@ -27,8 +27,10 @@ export class MapView {
   }
 
   // -- geometry ------------------------------------------------------------------------------------------------------
-  get scale() {
-    return TILE * 2 ** this.zoom; // pixels of the world
+  get zoom() { return this._zoom; }
+  set zoom(value) {
+    this._zoom = value;
+    this.scale = TILE * 2 ** value; // pixels of the world; read in loops over all aircraft
   }
 
   get lat() { return latOf(this.cy); }

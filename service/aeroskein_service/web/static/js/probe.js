@@ -18,6 +18,7 @@ export function exposeView({ settings, view, stage, link, banner, details, state
     get bytes() { return stage.traffic.frame.bytes; },
     get draws() { return stage.draws; },
     get drawMs() { return stage.medianDraw(); },
+    get parts() { return { ...stage.parts }; },
     get drawTimes() { return [...stage.times]; },
     get ages() { return [...state.ages]; },
     get labels() { return stage.labels.drawn; },

@@ -37,6 +37,7 @@ export class Stage {
     this.ruler = null; // {lat, lon}: distances from here
     this.elementOverlay = null; // draws the selected aircraft's elements on the map
     this.times = [];
+    this.parts = {}; // what the newest drawing cost, ms by part
     this.draws = 0;
     this._dirty = { base: true, style: true, labels: true, upload: true };
     this._baseMs = 0;
@@ -75,6 +76,7 @@ export class Stage {
   // -- what has changed ----------------------------------------------------------------------------------------------
   take(frame, now) {
     this.traffic.take(frame, now);
+    this.parts.take = performance.now() - now;
     this.hover = -1;
     this.invalidate("style", "labels", "upload");
   }
@@ -133,10 +135,15 @@ export class Stage {
     this._asked = false;
     const began = performance.now();
     const moved = this.traffic.moved(began);
-    if (this._dirty.base) this._drawBase();
-    if (this._dirty.style) this._restyle();
-    this._drawTraffic(moved);
-    this._drawOverlay(moved, began);
+    const part = (name, work) => {
+      const start = performance.now();
+      work();
+      this.parts[name] = performance.now() - start;
+    };
+    if (this._dirty.base) part("base", () => this._drawBase());
+    if (this._dirty.style) part("style", () => this._restyle());
+    part("traffic", () => this._drawTraffic(moved));
+    part("overlay", () => this._drawOverlay(moved, began));
     this._dirty = { base: this._dirty.again ?? false, style: false, labels: false, upload: false };
     const spent = performance.now() - began;
     this.times.push(spent);
@@ -186,6 +193,7 @@ export class Stage {
     if (this._dirty.labels || now - this._placedAt > PLACE_MS) {
       this.labels.place(this.traffic, view, moved, marked);
       this._placedAt = now;
+      this.parts.place = performance.now() - now;
     }
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.clearRect(0, 0, view.width, view.height);

@@ -111,12 +111,21 @@ export class Traffic {
     return [this.x[i] + this.vx[i] * t, this.y[i] + this.vy[i] * t];
   }
 
+  // The same in pixels, written into `to`: for loops over all aircraft, which must not make objects.
+  screen(view, i, moved, to) {
+    const t = Math.max(-1, Math.min(AHEAD_MAX, moved + this.frame.age(i)));
+    const dx = this.x[i] + this.vx[i] * t - view.cx;
+    to.x = (dx - Math.round(dx)) * view.scale + view.width / 2;
+    to.y = (this.y[i] + this.vy[i] * t - view.cy) * view.scale + view.height / 2;
+  }
+
   // The aircraft nearest to a point of the screen, -1 where none is near.
   nearest(view, px, py, within, moved) {
     let best = -1, least = within * within;
+    const at = { x: 0, y: 0 };
     for (let i = 0; i < this.frame.count; i++) {
-      const [x, y] = this.at(i, moved);
-      const dx = view.screenX(x) - px, dy = view.screenY(y) - py;
+      this.screen(view, i, moved, at);
+      const dx = at.x - px, dy = at.y - py;
       const d = dx * dx + dy * dy;
       if (d < least) {
         least = d;
