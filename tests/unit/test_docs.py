@@ -17,6 +17,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 # `elements.py:division_points` or `tests/unit/test_ahp.py`; without a folder it is a module of the core.
 NAMED = re.compile(r"`([A-Za-z_][\w/.-]*\.py)(?::([\w.]+))?`")
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+PAGE_IN_SOURCE = re.compile(r"docs/[\w-]+\.md")
 HEADING = re.compile(r"^#+ +(.+?) *$", re.MULTILINE)
 CODE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
@@ -90,6 +91,12 @@ def test_every_page_is_linked_from_the_readme(page: Path) -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
 
     assert f"docs/{page.name}" in readme
+
+
+def test_every_page_that_the_source_names_exists() -> None:
+    named = {(page, path.name) for path in files() for page in PAGE_IN_SOURCE.findall(path.read_text(encoding="utf-8"))}
+
+    assert [(page, where) for page, where in sorted(named) if not (ROOT / page).is_file()] == []
 
 
 def test_every_published_step_has_a_function_and_a_test() -> None:
