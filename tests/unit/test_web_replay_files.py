@@ -49,7 +49,8 @@ def report_file(path: Path, seconds: int = 40) -> Path:
     """ADS-B reports of one aircraft that flies north at 200 m/s, once a second."""
     lines = [
         {"sensor": "adsb", "received_s": NOW_S + t + 0.3, "time_s": NOW_S + t, "address": "3C6444",
-         "callsign": "DLH4AB", "lat_deg": 48.0 + 200.0 * t / 111_200.0, "lon_deg": 11.0, "altitude_m": 10_000.0, "height_m": 10_050.0,
+         "callsign": "DLH4AB", "lat_deg": 48.0 + 200.0 * t / 111_200.0, "lon_deg": 11.0,
+         "altitude_m": 10_000.0, "height_m": 10_050.0,
          "ground_speed_mps": 200.0, "track_angle_deg": 0.0, "nac_p": 9, "nac_v": 2}
         for t in range(seconds)
     ]  # fmt: skip

@@ -59,7 +59,7 @@ class _Kept(NamedTuple):
 
     payload: bytes
     encoding: str
-    index: int
+    place: int
 
 
 class _Batch:
@@ -137,7 +137,7 @@ class LivePicture:
                 for place in np.flatnonzero(~known).tolist():
                     message = quick.messages[place]
                     epoch, points = read_messages(message.payload, message.encoding)
-                    self._read_slowly(slow, bytes(points[message.index]), epoch, message)
+                    self._read_slowly(slow, bytes(points[message.place]), epoch, message)
                 self._take(quick, numbers, known)
             if slow.slots:
                 self._take(slow, np.array(slow.numbers).T, np.ones(len(slow.slots), dtype=np.bool_))
