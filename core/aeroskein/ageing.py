@@ -37,7 +37,10 @@ def confirm(state: EngineState, slots: Ints, fresh: np.ndarray, now_s: float) ->
 
 
 def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
-    """Mark tracks that miss their reports, and publish them every second where they should be by now."""
+    """Mark tracks that miss their reports, and publish them every second where they should be by now.
+
+    Less often while live points are thinned.
+    """
     tracks = state.tracks
     active = tracks.active
     confirmed = active[tracks.status[active] >= Status.CONFIRMED]
@@ -50,7 +53,7 @@ def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
     if len(fresh):
         tracks.status[fresh] = Status.COASTING
         events.append(changes(state, fresh, now_s))
-    again = coasting[now_s - state.coasted_s[coasting] >= COAST_PERIOD_S]
+    again = coasting[now_s - state.coasted_s[coasting] >= max(COAST_PERIOD_S, state.live.every_s)]
     if len(again) and state.settings.fusion.live:
         state.coasted_s[again] = now_s
         predicted = state.live.bank.time_s[again] + now_s - tracks.received_s[again]

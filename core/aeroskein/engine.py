@@ -11,6 +11,7 @@ Time is an argument; what happened comes back as events, in columns.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -106,9 +107,17 @@ class FusionEngine:
             state.offsets.begin_block()
             self._receiver.biases.begin_block(*self._registration.table())
 
+    def thin_live(self, every_s: float) -> None:
+        """Publish live points of one track at least this far apart, for a machine that is too slow; 0: all. [s]"""
+        self._state.live.every_s = every_s
+
     # -- time ----------------------------------------------------------------------------------
-    def advance(self, *, now_s: float) -> list[Event]:
-        """Let time pass: start and close elements behind the watermark, coast, terminate."""
+    def advance(self, *, now_s: float, most: int | None = None) -> list[Event]:
+        """Let time pass: start and close elements behind the watermark, coast, terminate.
+
+        With ``most``, no more elements than this are closed, those that are due longest first; what is left is due at
+        once, see ``next_deadline_s``.
+        """
         state, events = self._state, list[Event]()
         self._now_s = self._advanced_s = now_s
         self._clock.start()
@@ -116,10 +125,14 @@ class FusionEngine:
         self._start_elements(now_s)
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
         until_s = np.minimum(now_s, state.tracks.received_s + self.settings.tracks.terminate_s)
-        while True:
+        left = sys.maxsize if most is None else most
+        while left > 0:
             due = np.flatnonzero(state.elements.open & (state.elements.due_s <= until_s))
             if not len(due):
                 break
+            if len(due) > left:
+                due = np.sort(due[np.argpartition(state.elements.due_s[due], left)[:left]])
+            left -= len(due)
             events += self._close_all(due)
         events += ageing.coast(state, now_s)
         events += self._terminate(now_s)

@@ -57,6 +57,8 @@ class LiveProduct:
         self.rejected = np.zeros(capacity, dtype=np.int32)
         # Time of the last live point; the product never goes back behind it. [s since the epoch]
         self.published_s = np.full(capacity, -np.inf)
+        # Points of one track are at least this far apart. [s]
+        self.every_s = 0.0
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""

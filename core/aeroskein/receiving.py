@@ -156,7 +156,7 @@ class Receiver:
         self._clock.lap("tracks", len(batch))
         if state.settings.fusion.live:
             time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
-            ahead = time > state.live.published_s[slots]
+            ahead = time > state.live.published_s[slots] + state.live.every_s
             if ahead.any():
                 events.append(live_points(state, slots[ahead], time[ahead]))
             self._clock.lap("live points", int(ahead.sum()))

@@ -1,0 +1,89 @@
+"""What the engine offers a machine that is too slow: elements a few at a time, live points thinned, nothing else changed."""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.builders import START_S, Drive, Flight, adsb, engine_settings
+from tests.engine_scenes import SENSORS, scene
+
+from aeroskein.engine import FusionEngine
+from aeroskein.plots import Plots
+from aeroskein.points import FusedPoints, Product
+
+
+def full(engine: FusionEngine, until_s: float, most: int | None) -> list[FusedPoints]:
+    """Element points of the mixed scene, closed no more than ``most`` at a time."""
+    plots, passes = scene()[0], []
+    for tick in range(int(until_s)):
+        now_s = START_S + tick
+        batch = plots.take(np.flatnonzero((plots.received_s > now_s - 1.0) & (plots.received_s <= now_s)))
+        engine.receive(batch, now_s=now_s)
+        while True:
+            events = engine.advance(now_s=now_s, most=most)
+            points = [e for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT]
+            if points:
+                passes.append(FusedPoints.concatenate(points))
+            deadline_s = engine.next_deadline_s()
+            if deadline_s is None or deadline_s > now_s:
+                break
+    return passes
+
+
+def test_elements_closed_a_few_at_a_time_are_the_same_elements() -> None:
+    settings = engine_settings(*SENSORS)
+
+    at_once = full(FusionEngine(settings, epoch_ms=1), 40.0, None)
+    by_twos = full(FusionEngine(settings, epoch_ms=1), 40.0, 2)
+
+    assert max(len(points) for points in at_once) > 2
+    assert max(len(points) for points in by_twos) == 2
+    all_at_once, all_by_twos = FusedPoints.concatenate(at_once), FusedPoints.concatenate(by_twos)
+    order = [np.lexsort((p.element, p.track_number)) for p in (all_at_once, all_by_twos)]
+    assert all_at_once.track_number[order[0]].tolist() == all_by_twos.track_number[order[1]].tolist()
+    assert all_at_once.element[order[0]].tolist() == all_by_twos.element[order[1]].tolist()
+    np.testing.assert_allclose(all_at_once.lat_deg[order[0]], all_by_twos.lat_deg[order[1]], atol=1e-9)
+
+
+def test_elements_that_are_due_longest_close_first() -> None:
+    engine = FusionEngine(engine_settings(), epoch_ms=1)
+    # The aircraft that is known first begins last.
+    began = (4.5, 2.5, 0.5)
+    plots = [adsb(Flight(address=1 + k), np.arange(start, 20.0)) for k, start in enumerate(began)]
+    engine.receive(Plots.concatenate(plots), now_s=START_S + 20.0)
+
+    addresses: list[int] = []
+    for _ in range(3):
+        for event in engine.advance(now_s=START_S + 20.0, most=1):
+            if isinstance(event, FusedPoints) and event.product is Product.ELEMENT:
+                addresses += event.address.tolist()
+
+    assert addresses == [3, 2, 1]
+
+
+def test_thinned_live_points_are_apart_and_leave_no_hole_and_elements_do_not_feel_it() -> None:
+    reports = adsb(Flight(), np.arange(0.5, 30.0))
+    every, thinned = Drive.of(), Drive.of()
+    thinned.engine.thin_live(2.0)
+
+    every.feed(reports).finish()
+    thinned.feed(reports).finish()
+
+    assert np.diff(every.live.time_s).max() < 1.5
+    assert np.diff(thinned.live.time_s).min() > 2.0
+    assert thinned.live.seq.tolist() == list(range(len(thinned.live)))
+    assert thinned.elements.lat_deg.tolist() == every.elements.lat_deg.tolist()
+    # What was accepted between two points is counted in the later one.
+    assert thinned.live.sources.sum() >= every.live.sources.sum() - 2
+
+
+def test_thinning_ends_when_it_is_told_to() -> None:
+    drive = Drive.of()
+    drive.engine.thin_live(4.0)
+    drive.feed(adsb(Flight(), np.arange(0.5, 10.0)))
+    thinned = len(drive.live)
+
+    drive.engine.thin_live(0.0)
+    drive.feed(adsb(Flight(), np.arange(10.5, 20.0)))
+
+    assert thinned <= 3
+    assert len(drive.live) - thinned == 10
