@@ -1,4 +1,4 @@
-"""What the engine offers a machine that is too slow: elements a few at a time, live points thinned, nothing else changed."""
+"""What the engine offers a machine that is too slow: elements a few at a time, live points thinned, nothing else."""
 
 from __future__ import annotations
 
