@@ -11,7 +11,6 @@ Time is an argument; what happened comes back as events, in columns.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Literal
@@ -125,7 +124,7 @@ class FusionEngine:
         self._start_elements(now_s)
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
         until_s = np.minimum(now_s, state.tracks.received_s + self.settings.tracks.terminate_s)
-        left = sys.maxsize if most is None else most
+        left = 2**62 if most is None else most
         while left > 0:
             due = np.flatnonzero(state.elements.open & (state.elements.due_s <= until_s))
             if not len(due):
