@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 from aeroskein.plots import Array, Bools, Plots
 from aeroskein.units import wrap_azimuth_deg
 
-__all__ = ["AppliedBiases"]
+__all__ = ["CORRECTED", "AppliedBiases"]
+
+# The columns of reports that registration corrects.
+CORRECTED: Final = ("range_m", "azimuth_deg", "time_s")
 
 
 class AppliedBiases:

@@ -119,15 +119,24 @@ class HeightOffsets:
 
     def applied(self, slots: Ints, lat_deg: Array, lon_deg: Array, before: Bools) -> tuple[Array, Array]:
         """Offset and its sigma ``(n,)`` for reports of tracks; -1 in ``slots`` stands for no track yet. [m]"""
-        block = before.astype(np.int64)
-        known = slots >= 0
-        own = np.where(known, self._own_applied[block, np.where(known, slots, 0)], np.nan)
+        offset = self.own(slots, before)
+        sigma = np.full(len(slots), OWN_SIGMA_M)
+        rest = np.flatnonzero(np.isnan(offset))
+        if len(rest):
+            offset[rest], sigma[rest] = self._of_place(lat_deg[rest], lon_deg[rest], before[rest].astype(np.int64))
+        return offset, sigma
+
+    def own(self, slots: Ints, before: Bools) -> Array:
+        """The aircraft's own offset ``(n,)``, NaN where it is not known: then ``applied`` needs a place. [m]"""
+        own = self._own_applied[before.astype(np.int64), slots]
+        own[slots < 0] = np.nan
+        return own
+
+    def _of_place(self, lat_deg: Array, lon_deg: Array, block: Ints) -> tuple[Array, Array]:
         of_place = self._everywhere_m[block]
         if len(self._cells):
             keys = geodesy.origin_keys(lat_deg, lon_deg)
             at = np.minimum(np.searchsorted(self._cells, keys), len(self._cells) - 1)
             here = np.where(self._cells[at] == keys, self._applied_m[block, at], np.nan)
             of_place = np.where(np.isnan(here), of_place, here)
-        offset = np.where(np.isnan(own), of_place, own)
-        sigma = np.where(np.isnan(own), np.where(np.isnan(of_place), UNKNOWN_SIGMA_M, CELL_SIGMA_M), OWN_SIGMA_M)
-        return np.nan_to_num(offset), sigma
+        return np.nan_to_num(of_place), np.where(np.isnan(of_place), UNKNOWN_SIGMA_M, CELL_SIGMA_M)

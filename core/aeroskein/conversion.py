@@ -101,10 +101,13 @@ class Located:
         )
 
 
-def rough_place(plots: Plots, table: SensorTable) -> tuple[Array, Array]:
-    """Latitude and longitude ``(n,)`` within some kilometres, from nothing but the report itself. [deg]"""
+def rough_place(plots: Plots, table: SensorTable, wanted: Bools) -> tuple[Array, Array]:
+    """Latitude and longitude ``(n,)`` within some kilometres, from nothing but the report itself. [deg]
+
+    NaN for radar plots that are not ``wanted`` ``(n,)``: finding them costs most of a conversion.
+    """
     lat, lon = plots.lat_deg.copy(), plots.lon_deg.copy()
-    at = np.flatnonzero(table.is_radar[plots.sensor] & np.isfinite(plots.range_m))
+    at = np.flatnonzero(wanted & table.is_radar[plots.sensor] & np.isfinite(plots.range_m))
     if len(at):
         height = np.where(np.isnan(plots.altitude_m[at]), UNKNOWN_HEIGHT_M, plots.altitude_m[at])
         fix = radar_to_geodetic(table.sites[plots.sensor[at]], plots.range_m[at], plots.azimuth_deg[at], height)

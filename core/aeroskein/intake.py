@@ -6,12 +6,13 @@ through the stages. The first stage is here too: what needs no track (values, ti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeroskein.applied_biases import CORRECTED
 from aeroskein.cleaning import check_times, check_values
 from aeroskein.conversion import Located
 from aeroskein.plots import Array, Bools, Ints, Plots
@@ -75,9 +76,10 @@ class Batch:
 
     def take(self, which: NDArray[Any]) -> Batch:
         """The given reports (an index array or a boolean mask), in that order."""
-        return Batch(
-            self.rows[which], self.raw.take(which), self.plots.take(which), self.located.take(which), self.slot[which]
-        )
+        raw = self.raw.take(which)
+        # What registration corrects are three columns; the others are shared.
+        plots = raw if self.plots is self.raw else replace(raw, **{c: getattr(self.plots, c)[which] for c in CORRECTED})
+        return Batch(self.rows[which], raw, plots, self.located.take(which), self.slot[which])
 
     def without(self, refused: Bools, reason: Reason, verdicts: Verdicts) -> Batch:
         """Refuse some; the others go on."""
@@ -99,8 +101,8 @@ class Intake:
         """Look at each report by itself."""
         verdicts = Verdicts.of(len(plots))
         reason = check_values(plots)
-        good = reason == 0
-        reason[good & ~self.sensor_on[plots.sensor]] = Reason.SENSOR_OFF
+        if not self.sensor_on.all():
+            reason[(reason == 0) & ~self.sensor_on[plots.sensor]] = Reason.SENSOR_OFF
         times = check_times(plots, now_s, self._max_age_s, self._max_future_s)
         verdicts.reason[:] = np.where(reason == 0, times, reason)
         return verdicts

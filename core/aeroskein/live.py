@@ -7,11 +7,13 @@ older one is left to the elements, which treat it exactly.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
 from aeroskein import kalman
+from aeroskein.lanes import continues
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
@@ -22,6 +24,13 @@ __all__ = ["LiveProduct", "first_state"]
 # Older reports than this behind the state are not used live: the noise of the flight in between, which the look back
 # neglects, would then matter. [s]
 LATEST_LAG_S: Final = 4.0
+# Tracks worked on together: more would not fit into the processor's cache.
+LANES: Final = 512
+# The columns of reports that the filters use, in their order.
+USED: Final = (
+    "time_s", "east_m", "north_m", "r_ee", "r_en", "r_nn", "v_east_mps", "v_north_mps", "velocity_variance",
+    "time_variance", "altitude_m", "height_m", "vertical_rate_mps",
+)  # fmt: skip
 # Where a flight begins nothing is known of its velocity and acceleration. [m/s], [m/s²]
 START_VELOCITY_SIGMA: Final = 250.0
 START_ACCELERATION_SIGMA: Final = 3.0
@@ -101,31 +110,37 @@ class LiveProduct:
         accepted = np.ones(n, dtype=np.bool_)
         if n == 0:
             return accepted
-        slots, first, count = np.unique(reports.slot, return_index=True, return_counts=True)
+        first = np.flatnonzero(~continues(reports.slot))
+        count = np.diff(first, append=n)
         order = np.argsort(-count, kind="stable")
-        slots, first, count = slots[order], first[order], count[order]
-        work = self.bank.take(slots)
+        first, count = first[order], count[order]
+        columns = np.stack([getattr(reports, name) for name in USED])
         sensor = reports.sensor.astype(np.int64)
+        # Even parts, for a small last one would cost as much as a large one.
+        for part in np.array_split(np.arange(len(first)), math.ceil(len(first) / LANES)):
+            self._rounds(first[part], count[part], reports.slot, columns, sensor, started, accepted)
+        np.add.at(self.sources, (reports.slot[accepted], sensor[accepted]), 1)
+        if not accepted.all():
+            np.add.at(self.rejected, reports.slot[~accepted], 1)
+        return accepted
+
+    def _rounds(
+        self, first: Ints, count: Ints, slot: Ints, columns: Array, sensor: Ints, started: Bools, accepted: Bools
+    ) -> None:
+        """The reports of some tracks, the first of each together, then the second; ``first`` by falling count."""
+        slots = slot[first]
+        work = self.bank.take(slots)
         for k in range(int(count[0])):
-            m = int((count > k).sum())
-            rows = first[:m] + k
-            r = reports.take(rows)
-            lag = work.predict(r.time_s)
+            rows = first[: int((count > k).sum())] + k
+            time_s, *measured, altitude_m, height_m, rate_mps = columns[:, rows]
+            lag = work.predict(time_s)
             usable = (lag <= LATEST_LAG_S) & ~started[rows]
-            columns = (
-                r.east_m, r.north_m, r.r_ee, r.r_en, r.r_nn,
-                r.v_east_mps, r.v_north_mps, r.velocity_variance, r.time_variance,
-            )  # fmt: skip
-            ok = work.update(columns, sensor[rows], lag, usable)
+            ok = work.update(tuple(measured), sensor[rows], lag, usable)
             accepted[rows] = ok | ~usable
             self.vertical.update(
-                slots[:m], r.time_s, r.altitude_m, r.height_m, r.vertical_rate_mps,
-                self._altitude_sigma_m[sensor[rows]],
-            )  # fmt: skip
+                slots[: len(rows)], time_s, altitude_m, height_m, rate_mps, self._altitude_sigma_m[sensor[rows]]
+            )
         self.bank.put(slots, work)
-        np.add.at(self.sources, (reports.slot[accepted], sensor[accepted]), 1)
-        np.add.at(self.rejected, reports.slot[~accepted], 1)
-        return accepted
 
     def state_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
         """Mixed state ``(6, n)`` and covariance ``(24, n)`` at times not before the newest report."""

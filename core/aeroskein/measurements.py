@@ -95,14 +95,19 @@ class Measurements:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(*[getattr(self, name)[rows] for name in _NAMES])
 
     def packed(self) -> Array:
         """Rows ``(n, COLUMN_COUNT)`` in the order of ``COLUMNS``, with no density of jerk yet."""
-        measured = [getattr(self, name) for name in COLUMNS[:-1]]
-        return np.stack([*measured, np.zeros(len(self))], axis=1)
+        rows = np.zeros((len(self), COLUMN_COUNT))
+        for k, name in enumerate(COLUMNS[:-1]):
+            rows[:, k] = getattr(self, name)
+        return rows
 
     @property
     def trace_m2(self) -> Array:
         """Trace of the position covariance without the time part: how accurate the source is. [m²]"""
         return self.r_ee + self.r_nn
+
+
+_NAMES: Final = tuple(field.name for field in fields(Measurements))

@@ -159,8 +159,8 @@ class ModeBank:
 
     def steady(self, slots: Ints) -> tuple[Array, Array, Array, Array]:
         """Position and velocity ``(n,)`` of the steady model, for rough comparisons. [m, m/s]"""
-        rows = self.rows[slots]
-        return tuple(rows[:, manoeuvre.MODELS * k] for k in range(4))  # type: ignore[return-value]
+        place = self.rows[:, : 4 * manoeuvre.MODELS : manoeuvre.MODELS][slots]
+        return place[:, 0], place[:, 1], place[:, 2], place[:, 3]
 
     def mixture_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
         """One state ``(6, n)`` and covariance ``(24, n)`` per track at the given times, not before its own."""

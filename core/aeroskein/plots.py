@@ -130,7 +130,7 @@ class Plots:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(*[getattr(self, name)[rows] for name in _NAMES])
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -139,4 +139,7 @@ class Plots:
             return cls.of(0)
         if len(parts) == 1:
             return parts[0]
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return cls(*[np.concatenate([getattr(p, name) for p in parts]) for name in _NAMES])
+
+
+_NAMES: Final = tuple(field.name for field in fields(Plots))

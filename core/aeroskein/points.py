@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,15 +122,14 @@ class FusedPoints:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "product"}
-        return type(self)(product=self.product, **columns)
+        return type(self)(self.product, *[getattr(self, name)[rows] for name in _COLUMNS])
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several of the same product, in order; at least one part is needed."""
         if len(parts) == 1:
             return parts[0]
-        columns = {
-            f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls) if f.name != "product"
-        }
-        return cls(product=parts[0].product, **columns)
+        return cls(parts[0].product, *[np.concatenate([getattr(p, name) for p in parts]) for name in _COLUMNS])
+
+
+_COLUMNS: Final = tuple(field.name for field in fields(FusedPoints))[1:]

@@ -96,12 +96,13 @@ class Receiver:
         plots = self.biases.correct(raw, before) if radars else raw
         slot = state.tracks.owner(plots.address)
         known = slot >= 0
-        at = np.where(known, slot, 0)
-        offset, sigma = state.offsets.applied(slot, *conversion.rough_place(plots, state.sensors), before)
+        nowhere = np.isnan(state.offsets.own(slot, before))
+        place = conversion.rough_place(plots, state.sensors, nowhere)
+        offset, sigma = state.offsets.applied(slot, *place, before)
         geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
         blind = np.isnan(geometric) & known
         if blind.any():
-            geometric[blind] = state.live.vertical.at(at[blind], plots.time_s[blind])[1]
+            geometric[blind] = state.live.vertical.at(slot[blind], plots.time_s[blind])[1]
         located = conversion.locate(plots, state.sensors, geometric, sigma, self.biases.sigmas(raw.sensor, before))
         return Batch(rows, raw, plots, located, slot)
 

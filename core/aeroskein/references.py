@@ -14,7 +14,6 @@ import numpy as np
 from aeroskein import geodesy
 from aeroskein.closed import Closed
 from aeroskein.engine_state import EngineState
-from aeroskein.measurements import COLUMNS
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.publishing import Vertical
 from aeroskein.registration import Comparisons
@@ -41,7 +40,9 @@ COMPARISONS_PER_S: Final = 100.0
 # Spreads track numbers evenly (Knuth's multiplicative hash).
 _SPREAD: Final = 2654435761
 
-_COLUMN: Final = {name: i for i, name in enumerate(COLUMNS)}
+_FITTED: Final = (
+    "east_m", "north_m", "r_ee", "r_en", "r_nn", "v_east_mps", "v_north_mps", "velocity_variance", "time_variance",
+)  # fmt: skip
 
 
 class ReferenceSampler:
@@ -136,52 +137,65 @@ def _fit(state: EngineState, window: Window, lane: Ints, time_s: Array, trusted:
     cov = np.full((len(lane), 3), np.nan)
     at = np.flatnonzero(anchored)
     if len(at):
-        rows = window.columns[:, :, lane[at]].transpose(2, 1, 0)
-        x[:, at], cov[at], good = _least_squares(rows, dt[at], use[at])
+        reports = {name: getattr(window, name)[:, lane[at]].T for name in _FITTED}
+        x[:, at], cov[at], good = _least_squares(reports, dt[at], use[at])
         anchored[at[~good]] = False
     return x, cov, anchored
 
 
-def _least_squares(rows: Array, dt: Array, use: Bools) -> tuple[Array, Array, Bools]:
-    """Constant acceleration through reports ``(n, depth, columns)`` around ``dt = 0``, twice, without outliers."""
+def _least_squares(reports: dict[str, Array], dt: Array, use: Bools) -> tuple[Array, Array, Bools]:
+    """Constant acceleration through reports, columns ``(n, depth)``, around ``dt = 0``, twice, without outliers.
+
+    Unknown are position, velocity and acceleration, east and north: six numbers. Every normal matrix is a sum over the
+    reports of products of powers of time with the inverse of a two by two covariance, so sums of columns make it.
+    """
+    n = len(dt)
     use = use.copy()
     dt = np.where(use, dt, 0.0)
-    h = np.stack([np.ones_like(dt), dt, 0.5 * dt * dt], axis=2)
-    z = np.nan_to_num(rows[:, :, [_COLUMN["east_m"], _COLUMN["north_m"]]])
-    v = rows[:, :, [_COLUMN["v_east_mps"], _COLUMN["v_north_mps"]]]
-    v_var = rows[:, :, _COLUMN["velocity_variance"]]
+    powers = np.stack([np.ones_like(dt), dt, 0.5 * dt * dt], axis=2)
+    slopes = np.stack([np.ones_like(dt), dt], axis=2)
+    z = np.stack([np.nan_to_num(reports[name]) for name in ("east_m", "north_m")], axis=2)
+    first = z[:, :1]
+    z = z - first
+    v = np.stack([np.nan_to_num(reports[name]) for name in ("v_east_mps", "v_north_mps")], axis=2)
+    v_var = reports["velocity_variance"]
     has_v = use & np.isfinite(v_var)
-    rough = np.nan_to_num(v).sum(axis=1) / np.maximum(has_v.sum(axis=1), 1)[:, None]
+    v_var = np.where(has_v, v_var, 1.0) + 0.1 * dt * dt
+    rough = v.sum(axis=1) / np.maximum(has_v.sum(axis=1), 1)[:, None]
     for _ in range(2):
-        R = _covariances(rows, dt, rough)
-        W = np.where(use[:, :, None, None], np.linalg.inv(R), 0.0)
-        Y = np.einsum("nki,nkab,nkj->niajb", h, W, h).reshape(len(dt), 6, 6)
-        y = np.einsum("nki,nkab,nkb->nia", h, W, z - z[:, :1]).reshape(len(dt), 6)
-        g = np.stack([np.zeros_like(dt), np.ones_like(dt), dt], axis=2)
-        w = np.where(has_v, 1.0 / np.where(has_v, v_var + 0.1 * dt * dt, 1.0), 0.0)
-        Y += np.einsum("nki,nk,nkj,ab->niajb", g, w, g, np.eye(2)).reshape(len(dt), 6, 6)
-        y += np.einsum("nki,nk,nka->nia", g, w, np.nan_to_num(v)).reshape(len(dt), 6)
-        Y[:, [4, 5], [4, 5]] += 1.0 / ACCELERATION_SIGMA**2
+        W = _weights(reports, dt, rough, use)
+        Wz = np.stack([W[0] * z[:, :, 0] + W[1] * z[:, :, 1], W[1] * z[:, :, 0] + W[2] * z[:, :, 1]], axis=2)
+        Y = np.empty((n, 3, 2, 3, 2))
+        for (a, b), w in zip(((0, 0), (0, 1), (1, 1)), W, strict=True):
+            Y[:, :, a, :, b] = Y[:, :, b, :, a] = powers.swapaxes(1, 2) @ (powers * w[:, :, None])
+        y = powers.swapaxes(1, 2) @ Wz
+        w = np.where(has_v, 1.0 / v_var, 0.0)[:, :, None]
+        of_velocity = slopes.swapaxes(1, 2) @ (slopes * w)
+        for a in (0, 1):
+            Y[:, 1:, a, 1:, a] += of_velocity
+        y[:, 1:] += slopes.swapaxes(1, 2) @ (v * w)
+        normal = Y.reshape(n, 6, 6)
+        normal[:, [4, 5], [4, 5]] += 1.0 / ACCELERATION_SIGMA**2
         # Keeps fits regular that have lost all their reports; ``good`` sorts them out.
-        Y[:, range(4), range(4)] += 1e-9
-        P = np.linalg.inv(Y)
-        s = np.einsum("nij,nj->ni", P, y)
-        residual = z - z[:, :1] - np.einsum("nki,nia->nka", h, s.reshape(-1, 3, 2))
-        d2 = np.einsum("nka,nkab,nkb->nk", residual, W, residual)
-        use &= d2 <= OUTLIER
+        normal[:, range(4), range(4)] += 1e-9
+        P = np.linalg.inv(normal)
+        s = np.einsum("nij,nj->ni", P, y.reshape(n, 6))
+        e, north = np.moveaxis(z - powers @ s.reshape(n, 3, 2), 2, 0)
+        use &= W[0] * e * e + 2.0 * W[1] * e * north + W[2] * north * north <= OUTLIER
         has_v &= use
         rough = s[:, 2:4]
-    x = np.concatenate([s[:, :2] + z[:, 0], s[:, 2:4]], axis=1).T
+    x = np.concatenate([s[:, :2] + first[:, 0], s[:, 2:4]], axis=1).T
     good = use.sum(axis=1) >= FEWEST
     return x, np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], axis=1), good
 
 
-def _covariances(rows: Array, dt: Array, velocity: Array) -> Array:
-    """Covariance of each report ``(n, depth, 2, 2)``: noise, time stamp along the flight, and distance in time."""
-    tv = np.nan_to_num(rows[:, :, _COLUMN["time_variance"]])
-    along = tv[:, :, None, None] * (velocity[:, None, :, None] * velocity[:, None, None, :])
-    R = np.empty((*dt.shape, 2, 2))
-    R[:, :, 0, 0] = np.nan_to_num(rows[:, :, _COLUMN["r_ee"]], nan=1.0)
-    R[:, :, 1, 1] = np.nan_to_num(rows[:, :, _COLUMN["r_nn"]], nan=1.0)
-    R[:, :, 0, 1] = R[:, :, 1, 0] = np.nan_to_num(rows[:, :, _COLUMN["r_en"]])
-    return R + along + (JERK_DENSITY * np.abs(dt) ** 5 / 20.0)[:, :, None, None] * np.eye(2)
+def _weights(reports: dict[str, Array], dt: Array, velocity: Array, use: Bools) -> tuple[Array, Array, Array]:
+    """Inverse covariance ``ee, en, nn`` of each report, ``(n, depth)``: noise, time stamp, and distance in time."""
+    tv = np.nan_to_num(reports["time_variance"])
+    ve, vn = velocity[:, :1], velocity[:, 1:]
+    far = JERK_DENSITY * np.abs(dt) ** 5 / 20.0
+    ee = np.nan_to_num(reports["r_ee"], nan=1.0) + tv * ve * ve + far
+    en = np.nan_to_num(reports["r_en"]) + tv * ve * vn
+    nn = np.nan_to_num(reports["r_nn"], nan=1.0) + tv * vn * vn + far
+    share = use / (ee * nn - en * en)
+    return nn * share, -en * share, ee * share

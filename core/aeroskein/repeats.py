@@ -66,14 +66,22 @@ class SensorMemory:
             are duplicates.
         """
         n = len(slots)
-        order = np.lexsort((np.arange(n), sensor, slots))
+        cell = slots * self.time_s.shape[1] + sensor
+        order = np.argsort(cell, kind="stable")
+        cell = cell[order]
         s, k, t, p = slots[order], sensor[order], time_s[order], place[order]
-        memory_t, memory_p = self.time_s[s, k], self.place[s, k]
-        newest, last = _newest_before(s, k, t, memory_t)
-        before_t = np.where(newest < 0, memory_t, t[newest])
-        before_p = np.where((newest < 0)[:, None], memory_p, p[newest])
-        same_place = (before_p == p).all(axis=1)
-        duplicate = (same_place & (t == before_t)) | _repeated(s, k, t, p)
+        before_t, before_p = self.time_s[s, k], self.place[s, k]
+        several = bool((cell[1:] == cell[:-1]).any())
+        if several:
+            newest, last = _newest_before(s, k, t, before_t)
+            before_t = np.where(newest < 0, before_t, t[newest])
+            before_p = np.where((newest < 0)[:, None], before_p, p[newest])
+        else:
+            last = np.flatnonzero(t > before_t)
+        same_place = (before_p[:, 0] == p[:, 0]) & (before_p[:, 1] == p[:, 1])
+        duplicate = same_place & (t == before_t)
+        if several:
+            duplicate |= _repeated(s, k, t, p)
         moving = ~(speed_mps[order] < MOVING_MPS)
         stale = same_place & (t > before_t) & moving
         behind = (t <= before_t) & ~duplicate

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from aeroskein.lanes import continues
 from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.points import Status
 from aeroskein.settings import EngineSettings
@@ -163,14 +164,17 @@ class TrackTable:
 
     def note(self, slots: Ints, raw: Plots, time_s: Array) -> None:
         """Remember what accepted reports ``(n,)`` say of identity, and when they came; sorted by slot, then time."""
-        sensor = raw.sensor.astype(np.int64)
-        np.add.at(self.reports, slots, 1)
-        np.maximum.at(self.received_s, slots, raw.received_s)
-        np.maximum.at(self.newest_s, slots, time_s)
-        np.maximum.at(self.sensor_received_s, (slots, sensor), raw.received_s)
-        said = raw.mode_a >= 0
+        if not len(slots):
+            return
+        first = np.flatnonzero(~continues(slots))
+        own = slots[first]
+        self.reports[own] += np.diff(first, append=len(slots))
+        self.received_s[own] = np.maximum(self.received_s[own], np.maximum.reduceat(raw.received_s, first))
+        self.newest_s[own] = np.maximum(self.newest_s[own], np.maximum.reduceat(time_s, first))
+        np.maximum.at(self.sensor_received_s, (slots, raw.sensor), raw.received_s)
+        said = np.flatnonzero(raw.mode_a >= 0)
         self.mode_a[slots[said]] = raw.mode_a[said]
-        said = raw.callsign != b""
+        said = np.flatnonzero(raw.callsign != b"")
         self.callsign[slots[said]] = raw.callsign[said]
 
     def expected_wait_s(self, slots: Ints, now_s: float) -> Array:

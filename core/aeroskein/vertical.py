@@ -50,13 +50,6 @@ class VerticalFilter:
         self.rows[slots, _OFFSETS] = 0.0
         self.rows[slots, _BAROMETRIC] = 0.0
 
-    def channel(self, slots: Ints, altitude_m: Array, height_m: Array) -> Array:
-        """The value ``(...)`` that a report contributes: its altitude, or its height brought down to altitude. [m]"""
-        rows = self.rows[slots]
-        offset = np.where(rows[:, _OFFSETS] > 0, rows[:, _OFFSET], np.nan)
-        from_height = height_m - np.where(rows[:, _BAROMETRIC] > 0, offset, 0.0)
-        return np.where(np.isnan(altitude_m), from_height, altitude_m)
-
     def update(
         self,
         slots: Ints,
@@ -67,20 +60,22 @@ class VerticalFilter:
         sigma_m: Array,
     ) -> None:
         """Take one report per track; slots ``(n,)`` are distinct, missing values NaN."""
-        rows = self.rows[slots]
-        first_altitude = np.isfinite(altitude_m) & (rows[:, _BAROMETRIC] == 0)
-        rows[first_altitude, _BAROMETRIC] = 1.0
+        w = np.ascontiguousarray(self.rows.take(slots, axis=0).T)
+        has_altitude, has_height = np.isfinite(altitude_m), np.isfinite(height_m)
+        first_altitude = has_altitude & (w[_BAROMETRIC] == 0)
+        w[_BAROMETRIC, first_altitude] = 1.0
         # What was a height so far is not an altitude: begin again.
-        rows[first_altitude, _TIME] = np.nan
-        both = np.isfinite(altitude_m) & np.isfinite(height_m)
-        difference = np.where(both, height_m - altitude_m, 0.0)
-        rows[:, _OFFSETS] += both
-        share = np.where(both, np.maximum(1.0 / np.maximum(rows[:, _OFFSETS], 1.0), OFFSET_SHARE), 0.0)
-        rows[:, _OFFSET] = np.where(np.isnan(rows[:, _OFFSET]) & both, difference, rows[:, _OFFSET])
-        rows[:, _OFFSET] += np.where(both, share * (difference - rows[:, _OFFSET]), 0.0)
-        self.rows[slots] = rows
-        z = self.channel(slots, altitude_m, height_m)
-        self.rows[slots] = _filtered(rows, time_s, z, rate_mps, sigma_m)
+        w[_TIME, first_altitude] = np.nan
+        both = has_altitude & has_height
+        if both.any():
+            _learn_offset(w, both, np.where(both, height_m - altitude_m, 0.0))
+        z = altitude_m
+        if not has_altitude.all():
+            # A height counts as the altitude that it stands for, where any has been reported.
+            offset = np.where(w[_OFFSETS] > 0, w[_OFFSET], np.nan)
+            z = np.where(np.isnan(altitude_m), height_m - np.where(w[_BAROMETRIC] > 0, offset, 0.0), altitude_m)
+        _filter(w, time_s, z, rate_mps, sigma_m)
+        self.rows[slots] = w.T
 
     def at(self, slots: Ints, time_s: Array) -> tuple[Array, Array, Array, Array]:
         """Altitude, height, rate and one sigma of each track at the given times, NaN where unknown. [m, m, m/s, m]"""
@@ -101,46 +96,55 @@ class VerticalFilter:
         return altitude, np.where(barometric, value_m + rows[:, _OFFSET], value_m)
 
 
-def _filtered(rows: Array, time_s: Array, z: Array, rate_mps: Array, sigma_m: Array) -> Array:
-    """One predict and update of the two-state filter on rows ``(n, 10)``."""
+def _learn_offset(w: Array, both: Bools, difference_m: Array) -> None:
+    """Take differences of height and altitude in, where a report carries both; rows ``(10, n)`` in place."""
+    w[_OFFSETS] += both
+    share = np.where(both, np.maximum(1.0 / np.maximum(w[_OFFSETS], 1.0), OFFSET_SHARE), 0.0)
+    w[_OFFSET] = np.where(np.isnan(w[_OFFSET]) & both, difference_m, w[_OFFSET])
+    w[_OFFSET] += np.where(both, share * (difference_m - w[_OFFSET]), 0.0)
+
+
+def _filter(w: Array, time_s: Array, z: Array, rate_mps: Array, sigma_m: Array) -> None:
+    """One predict and update of the two-state filter on rows ``(10, n)``, in place."""
     r = sigma_m**2
-    fresh = np.isnan(rows[:, _TIME]) | (rows[:, _MISSES] >= MISSES_TO_RESTART)
-    fresh |= time_s - rows[:, _TIME] > FORGET_S
-    begin = fresh & np.isfinite(z)
-    rate_known = np.isfinite(rate_mps)
-    rows[begin, _ALTITUDE] = z[begin]
-    rows[begin, _RATE] = np.where(rate_known, rate_mps, 0.0)[begin]
-    rows[begin, _P00] = r[begin]
-    rows[begin, _P01] = 0.0
-    rows[begin, _P11] = np.where(rate_known, RATE_SIGMA_MPS, START_RATE_SIGMA_MPS)[begin] ** 2
-    rows[begin, _TIME] = time_s[begin]
-    rows[begin, _MISSES] = 0.0
-    h = np.maximum(np.where(np.isnan(rows[:, _TIME]), 0.0, time_s - rows[:, _TIME]), 0.0)
-    rows[:, _ALTITUDE] += h * rows[:, _RATE]
-    rows[:, _P00] += h * (2.0 * rows[:, _P01] + h * rows[:, _P11]) + ACCELERATION_DENSITY * h**3 / 3.0
-    rows[:, _P01] += h * rows[:, _P11] + ACCELERATION_DENSITY * h**2 / 2.0
-    rows[:, _P11] += ACCELERATION_DENSITY * h
-    rows[:, _TIME] += h
-    usable = np.isfinite(z) & ~begin & np.isfinite(rows[:, _TIME]) & (time_s >= rows[:, _TIME])
-    _update(rows, usable, z, r, 0)
-    _update(rows, rate_known & ~begin & np.isfinite(rows[:, _TIME]), rate_mps, np.full_like(r, RATE_SIGMA_MPS**2), 1)
-    return rows
+    has_z, rate_known = np.isfinite(z), np.isfinite(rate_mps)
+    step = time_s - w[_TIME]  # NaN where nothing is known yet
+    begin = has_z & ~((w[_MISSES] < MISSES_TO_RESTART) & (step <= FORGET_S))
+    if begin.any():
+        w[_ALTITUDE, begin] = z[begin]
+        w[_RATE, begin] = np.where(rate_known, rate_mps, 0.0)[begin]
+        w[_P00, begin] = r[begin]
+        w[_P01, begin] = 0.0
+        w[_P11, begin] = np.where(rate_known, RATE_SIGMA_MPS, START_RATE_SIGMA_MPS)[begin] ** 2
+        w[_TIME, begin] = time_s[begin]
+        w[_MISSES, begin] = 0.0
+        step = time_s - w[_TIME]
+    h = np.fmax(step, 0.0)  # NaN becomes 0
+    w[_ALTITUDE] += h * w[_RATE]
+    w[_P00] += h * (2.0 * w[_P01] + h * w[_P11]) + ACCELERATION_DENSITY * h**3 / 3.0
+    w[_P01] += h * w[_P11] + ACCELERATION_DENSITY * h**2 / 2.0
+    w[_P11] += ACCELERATION_DENSITY * h
+    w[_TIME] += h
+    goes_on = ~begin & np.isfinite(w[_TIME])
+    _update(w, has_z & goes_on & (time_s >= w[_TIME]), z, r, 0)
+    if rate_known.any():
+        _update(w, rate_known & goes_on, rate_mps, np.full_like(r, RATE_SIGMA_MPS**2), 1)
 
 
-def _update(rows: Array, usable: Bools, z: Array, r: Array, state: int) -> None:
+def _update(w: Array, usable: Bools, z: Array, r: Array, state: int) -> None:
     """Scalar update of altitude (state 0) or rate (state 1) where usable, gated."""
-    column = rows[:, [_P00, _P01]] if state == 0 else rows[:, [_P01, _P11]]
-    s = column[:, state] + r
-    innovation = np.where(usable, z - rows[:, _ALTITUDE + state], 0.0)
+    c0, c1 = (w[_P00], w[_P01]) if state == 0 else (w[_P01], w[_P11])
+    s = (c0, c1)[state] + r
+    innovation = np.where(usable, z - w[_ALTITUDE + state], 0.0)
     inside = innovation**2 <= GATE * s
     if state == 0:
-        rows[:, _MISSES] = np.where(usable, np.where(inside, 0.0, rows[:, _MISSES] + 1.0), rows[:, _MISSES])
-    k = np.where((usable & inside)[:, None], column / s[:, None], 0.0)
-    rows[:, _ALTITUDE] += k[:, 0] * innovation
-    rows[:, _RATE] += k[:, 1] * innovation
-    rows[:, _P00] -= k[:, 0] * column[:, 0]
-    rows[:, _P01] -= k[:, 0] * column[:, 1]
-    rows[:, _P11] -= k[:, 1] * column[:, 1]
+        w[_MISSES] = np.where(usable, np.where(inside, 0.0, w[_MISSES] + 1.0), w[_MISSES])
+    used = usable & inside
+    k0, k1 = np.where(used, c0 / s, 0.0), np.where(used, c1 / s, 0.0)
+    w[_ALTITUDE] += k0 * innovation
+    w[_RATE] += k1 * innovation
+    p00, p01, p11 = w[_P00] - k0 * c0, w[_P01] - k0 * c1, w[_P11] - k1 * c1
+    w[_P00], w[_P01], w[_P11] = p00, p01, p11
 
 
 def fit_at(

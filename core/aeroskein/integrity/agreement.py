@@ -201,18 +201,21 @@ class Agreement:
         np.add.at(self._w2, (row, slot), 1.0)
 
     def _fade(self, row: Ints, slot: Ints, time_s: Array) -> None:
-        cell = np.unique(np.stack([row, slot]), axis=1)
-        newest = np.full(self._time_s.shape[1], -np.inf)
-        np.maximum.at(newest, slot, time_s)
-        r, s = cell
+        if not len(slot):
+            return
+        slots = self._time_s.shape[1]
+        r, s = np.divmod(np.unique(row * slots + slot), slots)
+        order = np.argsort(slot, kind="stable")
+        begins = np.flatnonzero(np.diff(slot[order], prepend=-1))
+        newest = np.maximum.reduceat(time_s[order], begins)[np.searchsorted(slot[order][begins], s)]
         old = self._time_s[r, s]
-        step_s = np.where(np.isfinite(old), np.maximum(newest[s] - old, 0.0), np.inf)
+        step_s = np.where(np.isfinite(old), np.maximum(newest - old, 0.0), np.inf)
         keep = np.exp(-step_s / self._memory_s[r])
         self._y[r, s] *= keep[:, None]
         self._info[r, s] *= keep[:, None]
         self._w1[r, s] *= keep
         self._w2[r, s] *= keep**2
-        self._time_s[r, s] = np.maximum(newest[s], old)
+        self._time_s[r, s] = np.maximum(newest, old)
 
     def _learn(
         self, slot: Ints, speed: Array, along: Array, right: Array, difference_m: Array, covariance_m2: Array

@@ -208,7 +208,8 @@ class Integrity:
                 self._learn_cover(int(k), plots, rows)
         # Of several plots of one radar on one track the newest counts.
         order = np.argsort(plots.time_s, kind="stable")[::-1]
-        _, first = np.unique(np.stack([plots.sensor[order], plots.slot[order]]), axis=1, return_index=True)
+        cell = plots.sensor * len(self._belief) + plots.slot
+        _, first = np.unique(cell[order], return_index=True)
         rows = np.sort(order[first])
         sensor, slot, time_s = plots.sensor[rows], plots.slot[rows], plots.time_s[rows]
         self._due_s[sensor, slot] = time_s + self._period_s[sensor]
