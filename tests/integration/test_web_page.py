@@ -1,0 +1,337 @@
+"""The page in a real browser, through a real service on real Zenoh: what it shows, in the numbers that it exposes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from pathlib import Path
+from urllib.parse import parse_qs
+
+import pytest
+from tests.integration.browser import FLEET, Page, Traffic, launched, write_picture
+from tests.integration.harness import Process, connect, free_endpoint, free_port, write_config
+
+from aeroskein_service.keys import Keys
+from aeroskein_service.transport import Router
+
+pytestmark = pytest.mark.slow
+KEYS = Keys("test/v1")
+LOW_CONTRAST = Path(__file__).with_name("low_contrast.js").read_text()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with launched() as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("page")
+
+
+@pytest.fixture(scope="module")
+def site(browser, folder):
+    """A router, a service with its page, and traffic; gives the page's address, the traffic and the service."""
+    endpoint, http = free_endpoint(), f"127.0.0.1:{free_port()}"
+    config = write_config(folder, endpoint, KEYS.prefix)
+    layer = folder / "routes.geojson"
+    layer.write_text('{"type":"LineString","coordinates":[[8,47],[13,49]]}')
+    listening = f'listen = "{http}"\nlayers = ["{layer}"]'
+    config.write_text(config.read_text().replace('listen = ""', listening))
+    with (
+        Router(listen=[endpoint]),
+        connect(endpoint) as session,
+        Process(folder, "run", "--config", config) as service,
+    ):
+        service.wait_for_err("service_started")
+        traffic = Traffic(session, KEYS)
+        try:
+            yield f"http://{http}", traffic, service
+        finally:
+            traffic.close()
+        assert service.stop() == 0
+
+
+@pytest.fixture(scope="module")
+def tab(browser, site):
+    """The one page that most tests look at, each with an address of its own."""
+    shown = Page(browser, site[0])
+    yield shown
+    shown.close()
+
+
+@pytest.fixture
+def page(tab):
+    """Opens the page with what is to stand in its address, and waits until everybody is there."""
+
+    def show(query: str = "") -> Page:
+        tab.open(query)
+        return settled(tab)
+
+    return show
+
+
+def settled(shown: Page) -> Page:
+    """Wait until everybody is there and confirmed."""
+    shown.wait(f"__view.count === {len(FLEET)} && __view.tracks.every((t) => __view.track(t).status === 1)")
+    return shown
+
+
+# -- the picture -------------------------------------------------------------------------------------------------------
+def test_page_loads_with_no_outside_request_and_an_empty_console(page, site):
+    shown = page()
+    # Then it is small: the time that it takes is measured by benchmarks/web_load.py
+    loaded = shown.get("performance.getEntriesByType('resource').map((r) => r.decodedBodySize)")
+    assert 10 < len(loaded) < 80
+    assert sum(loaded) < 700_000
+    assert all(url.startswith((site[0], "data:", "blob:")) for url in shown.asked)
+    assert shown.said == []
+    assert shown.get("__view.faults") == []
+    assert shown.get("__view.webgl") is True
+    assert shown.wait("__view.mapArcs > 0")
+
+
+def test_hundred_aircraft_move_and_every_frame_is_drawn(page):
+    shown = page()
+    before = {label: shown.get(f"__view.track('{label}')") for label in FLEET[::20]}
+    frame, drawn = shown.get("[__view.frame, __view.drawn]")
+    shown.wait(f"__view.frame >= {frame} + 4")
+    # Then every picture came and was drawn, and each aircraft has flown north at 200 m/s
+    frames = shown.get("__view.frame") - frame
+    assert shown.get("__view.skipped") == 0
+    assert shown.get("__view.drawn") - drawn == pytest.approx(frames, abs=1)
+    for label, old in before.items():
+        new = shown.get(f"__view.track('{label}')")
+        flown_m = (new["lat"] - old["lat"]) * 111_320.0
+        assert flown_m == pytest.approx(200.0 * frames, abs=500.0)
+        assert new["y"] < old["y"]
+
+
+def test_picture_is_that_of_the_reports(page, site):
+    shown = page()
+    track, sent = shown.get(f"__view.track('{FLEET[7]}')"), site[1].report(FLEET[7], time.time())
+    assert (track["callsign"], track["code"]) == (sent["callsign"], sent["mode_a"])
+    assert track["lon"] == pytest.approx(sent["lon_deg"], abs=1e-4)
+    assert track["altitude"] == pytest.approx(sent["altitude_m"], abs=10.0)
+    assert track["speed"] == pytest.approx(200.0, abs=3.0)
+    assert track["sigma"] < 30.0
+
+
+def test_no_symbol_is_outside_the_numbers_and_labels_do_not_exceed_what_was_asked(page):
+    shown = page("density=10")
+    shown.wait("__view.labels === 10")
+    assert shown.get("__view.count") == len(FLEET)
+
+
+def test_aircraft_in_distress_is_labelled_whatever_is_switched_off(page, site):
+    shown = page("labels=0&q=nobody")
+    assert shown.get("[__view.labels, __view.passed]") == [0, 0]
+    site[1].changes[FLEET[3]] = {"mode_a": "7700"}
+    try:
+        shown.wait("__view.labels === 1 && __view.passed === 1")
+        assert shown.get(f"__view.track('{FLEET[3]}').code") == "7700"
+    finally:
+        del site[1].changes[FLEET[3]]
+    shown.wait("__view.labels === 0")
+
+
+# -- select, search, filter --------------------------------------------------------------------------------------------
+def test_click_selects_and_tells_the_details(page):
+    shown = page()
+    shown.press("0")
+    shown.page.wait_for_timeout(500)
+    at = shown.get(f"__view.track('{FLEET[50]}')")
+    box = shown.page.locator("#map-overlay").bounding_box()
+    shown.page.mouse.click(box["x"] + at["x"], box["y"] + at["y"])
+    chosen = shown.wait("__view.selected.length === 1 && __view.selected[0]")
+    point = shown.wait("__view.details && __view.details.point")
+    assert point["track"] == chosen
+    assert point["sources"] == {"adsb": 1}
+    assert shown.get("document.querySelector('#details .title').textContent") == point["callsign"]
+    shown.press("Escape")
+    assert shown.get("__view.selected") == []
+
+
+def test_search_finds_by_callsign_address_and_code(page):
+    shown = page()
+    for text in ("SKN042", "skn042", "40002A", f"{0o1000 + 42:04o}"):
+        shown.press("/")
+        shown.page.keyboard.type(text)
+        shown.page.locator("#search-found li").first.wait_for()
+        shown.press("Enter")
+        shown.wait(f"__view.selected[0] === '{FLEET[42]}'")
+        assert shown.get("__view.centre.lon") == pytest.approx(8.0 + 0.05 * 42, abs=0.2), text
+        shown.get("document.activeElement.blur()")
+        shown.press("Escape")
+        assert shown.get("__view.selected") == []
+
+
+def test_filters_dim_and_never_hide(page):
+    shown = page()
+    shown.press("f")
+    shown.page.get_by_label("Lowest flight level").fill("200")
+    shown.page.get_by_label("Highest flight level").fill("250")
+    passing = sum(200 * 30.48 <= 3000.0 + 80.0 * k <= 250 * 30.48 for k in range(len(FLEET)))
+    shown.wait(f"Math.abs(__view.passed - {passing}) <= 1")
+    assert shown.get("__view.count") == len(FLEET)
+    shown.page.get_by_text("Clear all filters").click()
+    shown.wait(f"__view.passed === {len(FLEET)}")
+
+
+@pytest.mark.parametrize(
+    ("query", "passing"),
+    [
+        ("bbox=40,8.98,60,9.27", 6),
+        ("sensor=adsb", 100),
+        ("sensor=radar1", 0),
+        ("status=coasting", 0),
+        ("q=SKN00", 10),
+        ("emergency=1", 0),
+        (f"sel={FLEET[5]}&isolate=1", 1),
+    ],
+)
+def test_filter_in_the_address_filters(page, query, passing):
+    shown = page(query)
+    shown.wait(f"__view.passed === {passing}")
+
+
+# -- table -------------------------------------------------------------------------------------------------------------
+def test_table_sorts_filters_and_exports(page):
+    shown = page("table=1&sort=level&down=1&inview=0&q=SKN0")
+    labels = shown.wait("__view.table.rows === 100 && __view.table.labels")
+    assert labels == list(reversed(FLEET))
+    with shown.page.expect_download() as download:
+        shown.page.get_by_role("button", name="CSV").click()
+    rows = list(csv.DictReader(io.StringIO(Path(download.value.path()).read_text())))
+    assert [row["track"] for row in rows] == labels
+    assert float(rows[0]["ground_speed_mps"]) == pytest.approx(200.0, abs=3.0)
+    shown.page.get_by_role("button", name="Callsign").click()
+    assert shown.wait("__view.table.labels[0] !== undefined && __view.table.labels")[0] == FLEET[0]
+
+
+def test_address_bar_holds_the_view_and_gives_it_back(page):
+    shown = page()
+    shown.press("v", "c", "g", "t", "x")
+    shown.get("document.activeElement.blur()")
+    shown.press("n")
+    shown.wait("location.search.includes('sel=')")
+    query = shown.get("location.search.slice(1)")
+    given = parse_qs(query)
+    assert (given["vector"], given["color"], given["grid"], given["table"]) == (["120"], ["altitude"], ["1"], ["1"])
+    selected, centre = shown.get("[__view.selected, __view.centre]")
+    # When a colleague opens the same
+    other = page(query)
+    other.page.wait_for_timeout(600)
+    assert other.get("__view.selected") == selected
+    assert other.get("__view.centre") == pytest.approx(centre, abs=0.01)
+    assert parse_qs(other.get("__view.query")) == given
+
+
+# -- elements and sensors ----------------------------------------------------------------------------------------------
+def test_element_view_shows_elements_with_their_reports_and_points(page):
+    shown = page(f"sel={FLEET[10]}&view=elements")
+    numbers = shown.wait("__view.elements && __view.elements.known >= 5 && __view.elements")
+    drawn = numbers["drawn"]
+    assert numbers["track"] == FLEET[10]
+    assert numbers["masters"] == ["adsb"]
+    assert drawn["divisions"] == drawn["elements"] + 1 == drawn["points"] + 1
+    assert drawn["boundaries"] == 2 * drawn["elements"]
+    assert drawn["ellipses"] == drawn["points"] + 1
+    assert (drawn["live"], drawn["rejected"]) == (1, 0)
+    assert drawn["accepted"] == pytest.approx(2 * drawn["elements"], abs=2)
+    assert 0.0 < numbers["sigma"] < 30.0
+    assert numbers["residuals"]["adsb"] < 30.0
+    assert numbers["charts"]["across"] == numbers["accepted"]
+    # The same on the map where it is near enough, and by keyboard
+    shown.press("o")
+    shown.get("document.querySelector('#elements canvas').focus()")
+    chosen = shown.get("__view.elements.chosen")
+    shown.press("ArrowLeft", "ArrowLeft")
+    assert shown.get("__view.elements.chosen") == chosen - 2
+    assert f"element {chosen - 2}:" in shown.get("__view.elements.said")
+
+
+def test_refused_report_is_shown_with_its_reason(page, site):
+    # Given an aircraft one of whose reports lies two kilometres beside its track
+    traffic, address = site[1], FLEET[20]
+    shown = page(f"sel={address}&view=elements")
+    shown.wait("__view.elements && __view.elements.known >= 3")
+    true = traffic.report(address, time.time())
+    traffic.changes[address] = {"lon_deg": true["lon_deg"] + 0.03}
+    time.sleep(1.1)
+    del traffic.changes[address]
+    # Then it is among the refused ones
+    reasons = shown.wait("__view.elements.rejected > 0 && __view.elements.reasons")
+    assert set(reasons) <= {"outlier", "outside_boundary"}
+
+
+def test_sensors_panel_tells_rates_and_silence(page):
+    shown = page("panel=sensors")
+    shown.wait("__view.words?.rates?.sensors.adsb.accepted_per_s > 50")
+    text = shown.page.locator("#side").inner_text()
+    assert "reporting" in text
+    assert "none yet" in text  # the radar has not sent anything
+    assert "Time of each stage" in text
+
+
+def test_silent_sensor_brings_an_amber_banner(page):
+    # Given a radar that is configured and sends nothing
+    shown = page()
+    banner = shown.wait("__view.banner.kind === 'warning' && __view.banner")
+    assert "no report from radar1" in banner["text"]
+
+
+# -- appearance --------------------------------------------------------------------------------------------------------
+def test_theme_follows_the_system_and_the_user(page):
+    shown = page()
+    for theme, other in (("dark", "light"), ("light", "dark")):
+        shown.page.emulate_media(color_scheme=theme)
+        shown.wait(f"document.documentElement.dataset.theme === '{theme}'")
+        shown.press("x")
+        assert shown.get("document.documentElement.dataset.theme") == other
+        shown = page()
+
+
+def test_layers_of_the_operator_are_on_the_map(page):
+    shown = page()
+    shown.wait("__view.layers.includes('routes')")
+
+
+def test_everything_can_be_reached_by_keyboard(page):
+    shown = page()
+    for key, opened in (("s", "sensors"), ("f", "filters"), ("d", "display"), ("?", "help")):
+        shown.press(key)
+        assert shown.get("new URLSearchParams(__view.query).get('panel')") == opened
+        assert shown.get("document.querySelector('#side').hidden") is False
+    shown.press("Escape", "t")
+    shown.wait("__view.table.rows > 0")
+    # Tab reaches the rows of the table, and Enter selects one
+    shown.get("document.querySelector('#table tbody tr').focus()")
+    shown.press("ArrowDown", "Enter")
+    label = shown.wait("__view.selected.length === 1 && __view.selected[0]")
+    assert label in FLEET
+    # The map moves and zooms
+    shown.get("document.querySelector('#map-overlay').focus()")
+    before = shown.get("__view.centre")
+    shown.press("ArrowUp", "ArrowRight", "+")
+    after = shown.get("__view.centre")
+    assert after["lat"] > before["lat"]
+    assert after["lon"] > before["lon"]
+    assert after["zoom"] == pytest.approx(before["zoom"] + 0.5)
+    # Tab goes through every control in order
+    seen = set()
+    for _ in range(12):
+        shown.press("Tab")
+        seen.add(shown.get("document.activeElement.id || document.activeElement.textContent"))
+    assert len(seen) > 6
+
+
+def test_text_of_every_panel_has_contrast_in_both_themes(page):
+    for theme in ("dark", "light"):
+        shown = page(f"theme={theme}&panel=sensors&table=1&sel={FLEET[0]}")
+        shown.wait("__view.table.rows > 0 && __view.details")
+        low = shown.get(LOW_CONTRAST)
+        assert low == [], theme
+        write_picture(shown, f"panels-{theme}")
