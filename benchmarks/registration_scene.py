@@ -52,6 +52,9 @@ class Scene:
     latency_sigma_s: float = 0.1
     latency_mean_s: float = 0.0
     height_sigma_m: float = 30.0
+    # Error that all heights have in common, and what is claimed of each. [m]
+    height_offset_m: float = 0.0
+    height_claim_m: float = 30.0
     detection: float = 0.97
     outliers: float = 0.0
     extent_m: float = 120_000.0
@@ -92,7 +95,7 @@ class Flights:
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
         n, steps = scene.aircraft, int((scene.duration_s + 40.0) / STEP_S) + 2
         self.height_m = rng.uniform(3000.0, 11500.0, n)
-        self.height_error_m = rng.normal(size=n) * scene.height_sigma_m
+        self.height_error_m = scene.height_offset_m + rng.normal(size=n) * scene.height_sigma_m
         speed = rng.uniform(120.0, 240.0, n)
         course = rng.uniform(0.0, 2 * np.pi, n)
         rate = np.zeros((n, steps))
@@ -192,5 +195,5 @@ def _reference(
         v_east_mps=np.einsum("nc,nc->n", velocity, east), v_north_mps=np.einsum("nc,nc->n", velocity, north),
         vertical_rate_mps=np.zeros(len(stamp)),
         position_cov_m2=np.tile([sigma2, 0.0, sigma2], (len(stamp), 1)),
-        height_sigma_m=np.full(len(stamp), scene.height_sigma_m), anchored=np.full(len(stamp), scene.anchored),
+        height_sigma_m=np.full(len(stamp), scene.height_claim_m), anchored=np.full(len(stamp), scene.anchored),
     )  # fmt: skip

@@ -28,8 +28,8 @@ SUSPECT_SIGMAS: Final = 5.5
 # ... that count as disagreeing when it is asked how many tracks do, and that a track must be below to come back.
 DISAGREE_SIGMAS: Final = 3.0
 # Minus log of the chance that an aircraft is there and was missed so often: before it has ever been seen by radar
-# (one such question per flight), and after (one per turn of every radar).
-MISSED_NEW: Final = 9.2
+# (one such question per flight; three turns of a radar that finds 95 %), and after (one per turn of every radar).
+MISSED_NEW: Final = 8.9
 MISSED_KNOWN: Final = 16.5
 # Looks that verify, looks that bring back, and the time that takes at least. [s]
 LOOKS_TO_VERIFY: Final = 2
@@ -41,6 +41,8 @@ VERIFIED_S: Final = 120.0
 OWN_AGE_S: Final = 4.0
 # Acceleration neglected when own positions are moved to a plot's time. [m/s²]
 ACCELERATION_SIGMA: Final = 2.0
+# A radar without any plot for so many periods was off: nothing that it did not see then was missed.
+OFF_PERIODS: Final = 1.5
 # A turn is over when the radar's newest plot is this share of a period past the expected look.
 TURN_MARGIN: Final = 0.15
 # A radar is in doubt when this share of at least so many tracks disagree with it.
@@ -203,6 +205,8 @@ class Integrity:
         """Take radar plots in, of all tracks, after the ADS-B reports that came with them."""
         for k in np.unique(plots.sensor):
             rows = np.flatnonzero(plots.sensor == k)
+            if plots.time_s[rows].min() > self._newest_s[k] + OFF_PERIODS * self._period_s[k]:
+                self._due_s[k] = np.nan
             self._newest_s[k] = max(self._newest_s[k], float(plots.time_s[rows].max()))
             if k in self._covers:
                 self._learn_cover(int(k), plots, rows)
@@ -312,7 +316,7 @@ class Integrity:
         self, k: int, slot: Ints, current: Bools, range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float
     ) -> None:
         detection = self._covers[k].detection(range_m, azimuth_deg, elevation_deg, now_s)
-        expected = current & (detection > 0.0)
+        expected = current & (detection > 0.0) & np.isfinite(self._newest_s[k])
         due = self._due_s[k, slot]
         period_s = self._period_s[k]
         # Within one period of entering cover the radar must have turned past.

@@ -1,10 +1,11 @@
 """The Kalman filter over the biases of radars that share airspace, and over what the aircraft themselves get wrong.
 
-State: four biases per radar (drifting slowly), and for each aircraft in use the latency of its ADS-B and its position
-offset (first-order Gauss-Markov processes). Carrying the aircraft's errors as states keeps the filter honest: plots of
-one aircraft share them, so a thousand plots of one aircraft never count as a thousand witnesses, and no single aircraft
-can pull a radar further than its own errors are believed to reach. Because all radars are in one state, plots of two
-radars without ADS-B between them tie their biases together with the right correlation.
+State: four biases per radar (drifting slowly), the error that the heights of all aircraft have in common (where only
+pressure altitude is known, the weather puts all of them wrong alike), and for each aircraft in use the latency of its
+ADS-B and its position offset (first-order Gauss-Markov processes). Carrying the aircraft's errors as states keeps the
+filter honest: plots of one aircraft share them, so a thousand plots of one aircraft never count as a thousand
+witnesses, and no single aircraft can pull a radar further than its own errors are believed to reach. Because all radars
+are in one state, plots of two radars without ADS-B between them tie their biases together with the right correlation.
 
 Kalman filter with considered (Schmidt) states for radars an operator has frozen; residuals are bounded by Huber's
 weight. Units: metres, degrees, seconds.
@@ -42,6 +43,8 @@ LATENCY_MEMORY_S: Final = 1800.0
 # Offset of an ADS-B position: satellite navigation, per axis [m], and how long it lasts [s].
 OFFSET_SIGMA_M: Final = 5.0
 OFFSET_MEMORY_S: Final = 60.0
+# How long the weather keeps what it does to the heights of all aircraft. [s]
+HEIGHT_MEMORY_S: Final = 6.0 * 3600.0
 
 
 class BiasFilter:
@@ -64,19 +67,25 @@ class BiasFilter:
         self.used = 0
         self.considered = np.zeros(self.radars, dtype=np.bool_)
         self.gain_free = np.zeros(self.radars, dtype=np.bool_)
-        n = self.head + NUISANCES * capacity
+        n = self._first + NUISANCES * capacity
         self._x = np.zeros(n)
         self._P = np.zeros((n, n))
         self._memory_s = np.full(n, np.inf)
-        self._memory_s[self.head :] = np.tile([LATENCY_MEMORY_S, OFFSET_MEMORY_S, OFFSET_MEMORY_S], capacity)
+        self._memory_s[self.head] = HEIGHT_MEMORY_S
+        self._memory_s[self._first :] = np.tile([LATENCY_MEMORY_S, OFFSET_MEMORY_S, OFFSET_MEMORY_S], capacity)
         for radar in range(self.radars):
             self.restart(radar, mean[radar], sigma[radar])
+        self._P[self.head, self.head] = 1.0
         self.clear_aircraft(np.arange(capacity))
 
     @property
     def head(self) -> int:
-        """Number of bias states; aircraft come after them."""
+        """Number of bias states; the common height error comes after them, then the aircraft."""
         return BIASES * self.radars
+
+    @property
+    def _first(self) -> int:
+        return self.head + 1
 
     @property
     def biases(self) -> Array:
@@ -125,7 +134,7 @@ class BiasFilter:
 
     def clear_aircraft(self, slots: Ints) -> None:
         """Give these places to new aircraft: prior errors, nothing in common with anything."""
-        states = (self.head + NUISANCES * slots[:, None] + np.arange(NUISANCES)).reshape(-1)
+        states = (self._first + NUISANCES * slots[:, None] + np.arange(NUISANCES)).reshape(-1)
         self._x[states] = 0.0
         self._P[states, :] = 0.0
         self._P[:, states] = 0.0
@@ -133,7 +142,7 @@ class BiasFilter:
 
     def aircraft_errors(self) -> tuple[Array, Array]:
         """Mean and sigma of ``[latency s, offset east m, offset north m]``, each ``(capacity, 3)``."""
-        x, variance = self._x[self.head :], np.diagonal(self._P)[self.head :]
+        x, variance = self._x[self._first :], np.diagonal(self._P)[self._first :]
         return x.reshape(-1, NUISANCES), np.sqrt(variance).reshape(-1, NUISANCES)
 
     def predict(self, time_s: float) -> None:
@@ -150,7 +159,8 @@ class BiasFilter:
         drift = np.tile(DRIFT_PER_ROOT_S**2 * step_s, (self.radars, 1))
         drift[:, 3] *= self.gain_free
         gained[: self.head] = drift.reshape(-1)
-        gained[self.head :] = np.tile(self._prior_variance(), self.used) * (1.0 - keep[self.head :] ** 2)
+        gained[self.head] = 1.0 - keep[self.head] ** 2
+        gained[self._first :] = np.tile(self._prior_variance(), self.used) * (1.0 - keep[self._first :] ** 2)
         self._x[:n] *= keep
         P = self._P[:n, :n]
         P *= keep[:, None]
@@ -184,7 +194,7 @@ class BiasFilter:
 
     @property
     def _active(self) -> int:
-        return self.head + NUISANCES * self.used
+        return self._first + NUISANCES * self.used
 
     def _prior_variance(self) -> Array:
         return np.array([self.latency_sigma_s, self.offset_sigma_m, self.offset_sigma_m]) ** 2
@@ -193,10 +203,11 @@ class BiasFilter:
         """Dense ``(2 n, active states)``."""
         n = len(rows)
         H = np.zeros((n, 2, self._active))
+        H[:, :, self.head] = rows.of_height
         for index, start, values in (
             (radar, BIASES * radar, rows.of_sensor),
             (other, BIASES * other, rows.of_other),
-            (slot, self.head + NUISANCES * slot, rows.of_aircraft),
+            (slot, self._first + NUISANCES * slot, rows.of_aircraft),
         ):
             there = np.flatnonzero(index >= 0)
             columns = start[there, None] + np.arange(values.shape[2])
@@ -268,7 +279,7 @@ class BiasFilter:
         self.latency_sigma_s = sigma_s
         if len(slots) == 0 or added == 0.0:
             return
-        states = self.head + NUISANCES * slots
+        states = self._first + NUISANCES * slots
         a = self._active
         S = self._P[np.ix_(states, states)] + np.eye(len(slots)) / added
         self._correct(a, self._P[:a, states].copy(), S, -self._x[states])

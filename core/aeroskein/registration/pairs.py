@@ -198,6 +198,8 @@ def _pair_rows(
         range_m=np.stack([plot[:, _RANGE], 0.5 * (begin[:, _RANGE] + end[:, _RANGE])], axis=-1),
         aircraft=aircraft,
         of_aircraft=np.zeros((n, 2, NUISANCES)),
+        # The plots were placed at heights that are too low by the common error.
+        of_height=-of_height * height_sigma_m[:, None],
     )
 
 

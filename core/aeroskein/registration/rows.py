@@ -91,6 +91,8 @@ class Rows:
         Track number.
     of_aircraft : (n, 2, 3) float64
         Sensitivity to the aircraft's latency and offset; zero for pairs of radars.
+    of_height : (n, 2) float64
+        Sensitivity to the error that all heights have in common, in sigmas of the height. [m]
     """
 
     time_s: Array
@@ -103,6 +105,7 @@ class Rows:
     range_m: Array
     aircraft: Ints
     of_aircraft: Array
+    of_height: Array
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -169,4 +172,5 @@ def anchored_rows(rows: Comparisons, geometry: Geometry, noise: Noise) -> Rows:
         range_m=np.stack([geometry.range_m, np.zeros(n)], axis=-1),
         aircraft=rows.aircraft,
         of_aircraft=of_aircraft,
+        of_height=np.stack([geometry.radial_up * rows.height_sigma_m, np.zeros(n)], axis=-1),
     )

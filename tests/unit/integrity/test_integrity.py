@@ -55,6 +55,16 @@ def test_a_radar_that_fails_altogether_makes_nobody_suspect() -> None:
     assert not [a for _, a, b in run.changes if b == Belief.SUSPECT]
 
 
+@pytest.mark.parametrize("silent", [(0, 50), (50, 110)])
+def test_what_a_radar_did_not_see_while_it_was_off_was_not_missed(silent: tuple[int, int]) -> None:
+    run = Run(World(aircraft=24, seed=3, range_max_m=RANGE_M))
+    for s in range(1, 150):
+        run.world.detection = 0.0 if silent[0] <= s < silent[1] else 0.97
+        run.second(float(s))
+
+    assert not [a for _, a, b in run.changes if b == Belief.SUSPECT]
+
+
 def drifting(seed: int, honest_again_s: float = np.inf) -> World:
     def displaced(aircraft: Ints, s: float) -> Array:
         size = 10.0 * (s - 60.0) if 60.0 <= s < honest_again_s else 0.0

@@ -29,8 +29,9 @@ def rows_of(n: int, rng: np.random.Generator, noise: float = 1.0, aircraft: int 
     of_aircraft[:, 0, 1] = of_aircraft[:, 1, 2] = -1.0
     none = np.full(n, -1)
     rows = Rows(
-        np.zeros(n), error, R, radar + 1, none, H, np.zeros((n, 2, 4)), np.zeros((n, 2)), place + 100, of_aircraft
-    )
+        np.zeros(n), error, R, radar + 1, none, H, np.zeros((n, 2, 4)), np.zeros((n, 2)), place + 100, of_aircraft,
+        np.zeros((n, 2)),
+    )  # fmt: skip
     return rows, radar, place
 
 
@@ -81,19 +82,31 @@ def test_the_random_walk_and_the_aircraft_states_follow_filterpy() -> None:
     rows, _, _ = rows_of(1, np.random.default_rng(3), noise=0.1, aircraft=1)
     zero = np.zeros(1, dtype=np.int64)
     kf.update(rows, zero, np.full(1, -1), zero)
-    other = KalmanFilter(dim_x=7, dim_z=2)
-    other.x = np.concatenate([kf.biases[0], kf.aircraft_errors()[0][0]])[:, None]
-    other.P = kf._P[:7, :7].copy()
-    keep = np.exp(-30.0 / np.array([np.inf] * 4 + [1800.0, 60.0, 60.0]))
+    other = KalmanFilter(dim_x=8, dim_z=2)
+    other.x = np.concatenate([kf.biases[0], kf._x[4:5], kf.aircraft_errors()[0][0]])[:, None]
+    other.P = kf._P[:8, :8].copy()
+    keep = np.exp(-30.0 / np.array([np.inf] * 4 + [6.0 * 3600.0, 1800.0, 60.0, 60.0]))
     other.F = np.diag(keep)
     drift = bias_filter.DRIFT_PER_ROOT_S**2 * 30.0 * np.array([1.0, 1.0, 1.0, 0.0])
-    other.Q = np.diag(np.concatenate([drift, np.array([0.1, 5.0, 5.0]) ** 2 * (1.0 - keep[4:] ** 2)]))
+    other.Q = np.diag(np.concatenate([drift, np.array([1.0, 0.1, 5.0, 5.0]) ** 2 * (1.0 - keep[4:] ** 2)]))
 
     kf.predict(30.0)
     other.predict()
 
-    assert kf._P[:7, :7] == pytest.approx(other.P, rel=1e-9, abs=1e-15)
-    assert kf.aircraft_errors()[0][0] == pytest.approx(other.x[4:, 0], rel=1e-12)
+    assert kf._P[:8, :8] == pytest.approx(other.P, rel=1e-9, abs=1e-15)
+    assert kf.aircraft_errors()[0][0] == pytest.approx(other.x[5:, 0], rel=1e-12)
+
+
+def test_an_error_of_all_heights_does_not_average_away() -> None:
+    n = 4000
+    rows, radar, place = rows_of(n, np.random.default_rng(8), noise=0.0)
+    rows.of_height[:, 0] = 15.0
+    kf = BiasFilter(np.zeros((2, 4)), SIGMA, 8)
+    kf.predict(0.0)
+
+    kf.update(rows, radar, np.full(n, -1), place)
+
+    assert np.sqrt(kf.bias_covariance[:, 0, :, 0].diagonal()) == pytest.approx([15.0, 15.0], rel=0.1)
 
 
 def test_a_wild_row_moves_the_first_estimate_less_than_its_noise_would() -> None:

@@ -119,6 +119,19 @@ def test_without_anchor_biases_and_the_difference_of_times_are_found() -> None:
     assert all(s.state == "converged" and s.time_bias_sigma_s > 0.5 for s in registration.states(START_S + 240.0))
 
 
+def test_without_anchor_heights_that_are_all_wrong_do_not_make_the_radars_sure() -> None:
+    scene = Scene(two_radars(np.random.default_rng(3)), aircraft=20, duration_s=240.0, seed=3, anchored=False,
+                  extent_m=50_000.0, height_offset_m=-200.0, height_claim_m=200.0)  # fmt: skip
+    registration = Registration(engine_settings(scene.radars))
+
+    feed(registration, comparisons(scene), 240.0)
+
+    mean, covariance = registration.estimates()
+    error, sigma = (mean[1:, :3] - truth(scene.radars))[:, :2], np.sqrt(covariance[1:, [0, 1], [0, 1]])
+    assert (np.abs(error) < 2.5 * sigma).all()
+    assert (sigma < [30.0, 0.02]).all()
+
+
 def test_a_gnss_timed_radar_fixes_the_common_time() -> None:
     scene = Scene(two_radars(np.random.default_rng(3), time_bias_sigma_s=1.0), aircraft=20, duration_s=120.0, seed=3,
                   anchored=False)  # fmt: skip

@@ -76,7 +76,7 @@ def anchored(offsets: dict[int, tuple[float, float]], aircraft: int, wild: float
     of_aircraft = np.concatenate([polar_v[:, :, None], -axes], axis=2)
     return Rows(
         np.repeat(np.arange(15.0) * 4, aircraft), error, R, np.ones(n, dtype=np.int64), np.full(n, -1), H,
-        np.zeros((n, 2, 4)), np.zeros((n, 2)), name, of_aircraft,
+        np.zeros((n, 2, 4)), np.zeros((n, 2)), name, of_aircraft, np.zeros((n, 2)),
     )  # fmt: skip
 
 
