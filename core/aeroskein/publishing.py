@@ -37,7 +37,8 @@ def live_state(state: EngineState, slots: Ints, time_s: Array, seq: Ints) -> Fus
     altitude, height, rate, _ = live.vertical.at(slots, time_s)
     status = tracks.status[slots]
     flags = tracks.flags[slots].copy()
-    flags[status == Status.COASTING] |= np.uint16(Flag.COASTED)
+    # The last point of a track that ended is a prediction too.
+    flags[status >= Status.COASTING] |= np.uint16(Flag.COASTED)
     return assemble(
         Product.LIVE, slots, PlaneState(time_s, x[:4], P[[0, 1, 7]], P[[12, 13, 17]], altitude, height, rate),
         tracks, state.frames,

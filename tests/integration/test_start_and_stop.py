@@ -58,7 +58,8 @@ def test_service_waits_for_a_router_and_says_so(tmp_path, keys):
     config.write_text(config.read_text().replace('listen = ""', f'listen = "{http}"'))
     with Process(tmp_path, "run", "--config", config) as service:
         service.wait_for_err(f"waiting for a Zenoh router at {endpoint}")
-        assert get(f"http://{http}/livez")[0] == 200
+        # The page, a process of its own, passes health checks on: it may still be starting.
+        wait_until(lambda: get(f"http://{http}/livez")[0] == 200, "an answer that the service lives")
         status, body = get(f"http://{http}/readyz")
         assert status == 503
         assert endpoint in body["reasons"][0]
