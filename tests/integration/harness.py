@@ -25,7 +25,7 @@ from aeroskein_service.link import Link
 from aeroskein_service.service import Service
 from aeroskein_service.transport import SensorPublisher, Session, open_session
 
-LIMIT_S = 30.0  # a condition that has not come true by then never will
+LIMIT_S = 60.0  # a condition that has not come true by then never will
 
 ADDRESSES = ("3C6444", "4CA2D6", "A0B1C2")
 

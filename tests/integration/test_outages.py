@@ -51,7 +51,9 @@ def test_restart_uses_no_number_again_and_publishes_no_second_twice(tmp_path, en
 
 def test_killed_service_repeats_neither_numbers_nor_elements(tmp_path, endpoint, session, keys):
     path = write_config(tmp_path, endpoint, keys.prefix)
-    path.write_text(path.read_text() + f'\n[service]\nstate_dir = "{tmp_path / "state"}"\n')
+    # A slow machine may take long to start the service again: its reports are not too old for that.
+    content = path.read_text().replace("[fusion]", "[fusion]\nmax_age_s = 600.0")
+    path.write_text(content + f'\n[service]\nstate_dir = "{tmp_path / "state"}"\n')
     elements = Listener(session, keys.fused("element", "*"))
     sensor, first_s = Sensor(session, keys), time.time()
     with Process(tmp_path, "run", "--config", path) as service:
