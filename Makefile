@@ -52,7 +52,7 @@ real-data: $(STAMP)
 	$(BIN)/pip install --quiet --no-deps traffic==2.13
 
 test: $(DEV_STAMP)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 # Skipped with a reason where there is no Docker engine.
 test-compose: $(DEV_STAMP)
