@@ -239,6 +239,8 @@ def test_element_view_shows_elements_with_their_reports_and_points(page):
     assert drawn["divisions"] == drawn["elements"] + 1 == drawn["points"] + 1
     assert drawn["boundaries"] == 2 * drawn["elements"]
     assert drawn["ellipses"] == drawn["points"] + 1
+    # Every step of the story has its number in the drawing, except what is not there: nothing was refused
+    assert drawn["badges"] == shown.get("document.querySelectorAll('#elements .story li').length") - 1
     assert (drawn["live"], drawn["rejected"]) == (1, 0)
     assert drawn["accepted"] == pytest.approx(2 * drawn["elements"], abs=2)
     assert 0.0 < numbers["sigma"] < 30.0
