@@ -74,8 +74,8 @@ def page(tab):
 
 
 def settled(shown: Page) -> Page:
-    """Wait until everybody is there and confirmed."""
-    shown.wait(f"__view.count === {len(FLEET)} && __view.tracks.every((t) => __view.track(t).status === 1)")
+    """Wait until everybody is there and no longer tentative."""
+    shown.wait(f"__view.count === {len(FLEET)} && __view.tracks.every((t) => __view.track(t).status > 0)")
     return shown
 
 
@@ -186,7 +186,7 @@ def test_filters_dim_and_never_hide(page):
         ("bbox=40,8.98,60,9.27", 6),
         ("sensor=adsb", 100),
         ("sensor=radar1", 0),
-        ("status=coasting", 0),
+        ("status=tentative", 0),
         ("q=SKN00", 10),
         ("emergency=1", 0),
         (f"sel={FLEET[5]}&isolate=1", 1),
