@@ -23,10 +23,12 @@ from typing import Any, Final
 import numpy as np
 from benchmarks.load_traffic import sensors_toml
 
-__all__ = ["Fleets", "Latencies", "Load", "Seen", "run_load", "used_s"]
+__all__ = ["NO_PAGE", "Fleets", "Latencies", "Load", "Processes", "Seen", "processes", "rss_mb", "run_load", "used_s"]
 
 TICKS_PER_S: Final = os.sysconf("SC_CLK_TCK")
 START_S: Final = 3.0
+# The page is a process of its own that takes no part.
+NO_PAGE: Final = '[http]\nlisten = ""\n'
 STOP_S: Final = 30.0
 
 Fleets = Sequence[tuple[int, float, float]]
@@ -35,17 +37,23 @@ Fleets = Sequence[tuple[int, float, float]]
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What is measured: traffic, when the steady state begins, and more configuration as TOML."""
+    """What is measured: traffic, when the steady state begins and ends, and more configuration as TOML."""
 
     fleets: Fleets
     warm_up_s: float = 14.0
+    ends_s: float | None = None
     keys: bool = False
-    more: str = ""
+    more: str = NO_PAGE
 
     @property
     def seconds(self) -> float:
         """Length of the traffic."""
         return max(end_s for _, _, end_s in self.fleets)
+
+    @property
+    def steady_end_s(self) -> float:
+        """When the steady state ends; at the end of the traffic where nothing is said."""
+        return self.seconds - 0.5 if self.ends_s is None else self.ends_s
 
 
 @dataclass(slots=True)
@@ -144,45 +152,45 @@ class Processes:
 
 
 @contextmanager
-def _processes(more: str) -> Iterator[Processes]:
+def processes(more: str) -> Iterator[Processes]:
+    """A folder with the service's configuration, and processes that end with the block."""
     with tempfile.TemporaryDirectory() as name:
-        processes = Processes(Path(name))
-        zenoh = f'[zenoh]\nprefix = "load/v1"\nconnect = ["{processes.link}"]\n'
-        zenoh += '[http]\nlisten = ""\n[log]\nlevel = "warning"\n'
-        (processes.folder / "load.toml").write_text(f"{sensors_toml()}{zenoh}{more}\n")
+        made = Processes(Path(name))
+        zenoh = f'[zenoh]\nprefix = "load/v1"\nconnect = ["{made.link}"]\n[log]\nlevel = "warning"\n'
+        (made.folder / "load.toml").write_text(f"{sensors_toml()}{zenoh}{more}\n")
         try:
-            yield processes
+            yield made
         finally:
-            processes.kill()
+            made.kill()
 
 
 def run_load(load: Load, during: Callable[[float, int], None] | None = None) -> Seen:
     """Run everything and collect; ``during`` is called now and then with the elapsed time and the service's pid."""
     consumers = ["feed", "keys"] if load.keys else ["feed"]
-    with _processes(load.more) as processes:
+    with processes(load.more) as running:
         for role in ("router", "service", *consumers, "status"):
-            processes.start(role)
+            running.start(role)
         time.sleep(START_S)
-        processes.start("generator", json.dumps([list(fleet) for fleet in load.fleets]))
+        running.start("generator", json.dumps([list(fleet) for fleet in load.fleets]))
         # The generator says so when it begins.
-        began = processes.folder / "began"
+        began = running.folder / "began"
         while not began.exists():
             time.sleep(0.05)
         began_s = float(began.read_text())
-        pids = {role: process.pid for role, process in processes.running.items()}
+        pids = {role: process.pid for role, process in running.running.items()}
         _wait_until(began_s + load.warm_up_s, during, began_s, pids["service"])
         before, before_s = {role: used_s(pid) for role, pid in pids.items()}, time.monotonic()
-        _wait_until(began_s + load.seconds - 0.5, during, began_s, pids["service"])
+        _wait_until(began_s + load.steady_end_s, during, began_s, pids["service"])
         elapsed_s = time.monotonic() - before_s
         core = {role: (used_s(pid) - before[role]) / elapsed_s for role, pid in pids.items()}
         memory = {role: rss_mb(pid) for role, pid in pids.items()}
-        generator = processes.running.pop("generator")
-        generator.wait(STOP_S)
-        status = processes.stop("service")
+        generator = running.running.pop("generator")
+        generator.wait(load.seconds + STOP_S)
+        status = running.stop("service")
         time.sleep(1.0)
         for role in (*consumers, "status"):
-            processes.stop(role)
-        return _collect(processes.folder, load, consumers, core, memory, status)
+            running.stop(role)
+        return _collect(running.folder, load, consumers, core, memory, status)
 
 
 def _wait_until(end_s: float, during: Callable[[float, int], None] | None, began_s: float, pid: int) -> None:
@@ -204,7 +212,7 @@ def _collect(
             seen = np.load(folder / f"{consumer}-{product}.npz")
             totals = {name: int(seen[name]) for name in ("tracks", "holes", "backwards", "coasted")}
             points[f"{consumer} {product}"] = totals | {"points": len(seen["time_s"])}
-    steady = (put_s >= load.warm_up_s) & (put_s < load.seconds - 0.5)
+    steady = (put_s >= load.warm_up_s) & (put_s < load.steady_end_s)
     lines = (folder / "status.json").read_bytes().splitlines()
     return Seen(
         live=_joined(sent, np.load(folder / "feed-live.npz"), began_s),
@@ -212,7 +220,7 @@ def _collect(
         core=core,
         rss_mb=memory,
         sent=len(put_s),
-        rate=float(steady.sum()) / max(load.seconds - 0.5 - load.warm_up_s, 1e-9),
+        rate=float(steady.sum()) / (load.steady_end_s - load.warm_up_s),
         worst_tick_ms=float(sent["worst_tick_s"]) * 1e3,
         began_s=began_s,
         exit=status,

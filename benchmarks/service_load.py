@@ -15,7 +15,7 @@ import argparse
 import sys
 
 from benchmarks.goals import Row, judged
-from benchmarks.load_processes import Load, Seen, run_load
+from benchmarks.load_processes import NO_PAGE, Load, Seen, run_load
 
 # Aircraft: goals for the latency, 50 % and 99 %, must and aim. [ms]
 LATENCY_GOALS = {100: ((5.0, 2.0), (25.0, 10.0)), 4_000: ((10.0, 5.0), (100.0, 50.0)), 20_000: (None, (1000.0, 300.0))}
@@ -25,9 +25,8 @@ SECONDS, QUICK_SECONDS = 40.0, 25.0
 
 def rows_of(aircraft: int, seen: Seen, load: Load) -> list[Row]:
     """Everything about one load."""
-    half, most, nearly = seen.live.percentiles_ms(load.warm_up_s, load.seconds - 0.5, 50, 95, 99)
+    half, most, nearly = seen.live.percentiles_ms(load.warm_up_s, load.steady_end_s, 50, 95, 99)
     half_goal, nearly_goal = LATENCY_GOALS.get(aircraft, (None, None))
-    worked = len(seen.live.put_s[seen.live.put_s >= load.warm_up_s])
     rows = [
         Row("reports a second", seen.rate),
         Row("live latency, 50 %", half, "ms", *(half_goal or ())),
@@ -35,7 +34,6 @@ def rows_of(aircraft: int, seen: Seen, load: Load) -> list[Row]:
         Row("live latency, 99 %", nearly, "ms", *(nearly_goal or ())),
         Row("service, share of a processor", seen.core["service"], ""),
         Row("service, memory", seen.rss_mb["service"], "MB"),
-        Row("live points for each report", worked / max(seen.rate * (load.seconds - 0.5 - load.warm_up_s), 1.0)),
     ]
     if aircraft == AIRCRAFT_MUST:
         rows[4] = Row("service, share of a processor", seen.core["service"], "", 1.0, 0.67)
@@ -71,7 +69,7 @@ def main() -> int:
     parser.add_argument("--aircraft", type=int, help="only this load, without goals")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="length of the traffic, above 14")
     parser.add_argument("--keys", action="store_true", help="also follow the keys per track")
-    parser.add_argument("--more", default="", help="TOML to append to the service's configuration")
+    parser.add_argument("--more", default=NO_PAGE, help="TOML to append to the service's configuration")
     parser.add_argument("--quick", action="store_true", help="only the small loads, for a short time")
     args = parser.parse_args()
     if args.aircraft is not None:

@@ -108,8 +108,11 @@ class ServiceSettings(BaseModel):
     """Folder for what survives a restart (track numbers, registration, published elements); empty: nothing is kept."""
     instance: str = ""
     """Name of this process on its keys; empty: host and process number."""
-    inbox_batches: int = Field(default=1000, ge=1)
+    inbox_batches: int = Field(default=10_000, ge=1)
     """Batches of one sensor that may wait for the worker; more than that drops the oldest (reason overload)."""
+    patience_s: float = Field(default=1.0, gt=0.0, le=60.0)
+    """Input that waits longer for the worker is an overload: the oldest of the sensor with most waiting is dropped
+    (reason overload). From half of this time on live points are thinned. [s]"""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

@@ -6,23 +6,19 @@ a free one on 127.0.0.1; at ``http.listen`` is the page, which passes these thre
 
 from __future__ import annotations
 
+import json
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Sequence
-from typing import Final, Self
-
-import uvicorn
-from starlette.applications import Starlette
-from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
+from collections.abc import Callable, Mapping, Sequence
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Final, NamedTuple, Self
 
 from aeroskein.errors import AeroskeinError
 from aeroskein_service.metrics import CONTENT_TYPE
 
 __all__ = ["HealthServer", "ListenError", "bind", "url_of"]
 
-STOP_S: Final = 2.0  # a client that keeps its connection open does not keep the service
+CLIENT_S: Final = 5.0  # a client that says nothing for so long is hung up on
 
 
 class ListenError(AeroskeinError):
@@ -76,28 +72,10 @@ class HealthServer:
         ready: Callable[[], Sequence[str]],
         metrics: Callable[[], bytes],
     ) -> None:
-        self._listener = listener
         self.url = url_of(listener)
-        application = Starlette(
-            routes=[
-                Route("/livez", _reasons(live)),
-                Route("/readyz", _reasons(ready)),
-                Route("/metrics", _metrics(metrics)),
-            ]
-        )
-        config = uvicorn.Config(
-            application,
-            log_config=None,
-            log_level="warning",
-            access_log=False,
-            lifespan="off",
-            ws="none",
-            timeout_graceful_shutdown=1,
-        )
-        self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(
-            target=self._server.run, kwargs={"sockets": [listener]}, name="http", daemon=True
-        )
+        answers = {"/livez": _reasons(live), "/readyz": _reasons(ready), "/metrics": _metrics(metrics)}
+        self._server = _Server(listener, answers)
+        self._thread = threading.Thread(target=self._server.serve_forever, name="http", daemon=True)
         self._thread.start()
 
     def __enter__(self) -> Self:
@@ -108,21 +86,55 @@ class HealthServer:
 
     def close(self) -> None:
         """Stop serving and free the address."""
-        self._server.should_exit = True
-        self._thread.join(STOP_S)
-        self._listener.close()
+        self._server.shutdown()
+        self._server.server_close()
 
 
-def _reasons(reasons: Callable[[], Sequence[str]]) -> Callable[[Request], Awaitable[Response]]:
-    async def respond(_request: Request) -> Response:
+class _Answer(NamedTuple):
+    status: int
+    media_type: str
+    body: bytes
+
+
+def _reasons(reasons: Callable[[], Sequence[str]]) -> Callable[[], _Answer]:
+    def answer() -> _Answer:
         why = list(reasons())
-        return JSONResponse({"ok": not why, "reasons": why}, status_code=503 if why else 200)
+        body = json.dumps({"ok": not why, "reasons": why}).encode()
+        return _Answer(503 if why else 200, "application/json", body)
 
-    return respond
+    return answer
 
 
-def _metrics(metrics: Callable[[], bytes]) -> Callable[[Request], Awaitable[Response]]:
-    async def respond(_request: Request) -> Response:
-        return Response(metrics(), media_type=CONTENT_TYPE)
+def _metrics(metrics: Callable[[], bytes]) -> Callable[[], _Answer]:
+    return lambda: _Answer(200, CONTENT_TYPE, metrics())
 
-    return respond
+
+class _Server(ThreadingHTTPServer):
+    """Serves on a socket that listens already."""
+
+    daemon_threads = True
+
+    def __init__(self, listener: socket.socket, answers: Mapping[str, Callable[[], _Answer]]) -> None:
+        super().__init__(listener.getsockname()[:2], _Handler, bind_and_activate=False)
+        self.socket.close()
+        self.socket = listener
+        self.answers = answers
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers GET for the three paths."""
+
+    timeout = CLIENT_S
+    server: _Server
+
+    def do_GET(self) -> None:
+        made = self.server.answers.get(self.path.partition("?")[0])
+        answer = _Answer(404, "text/plain", b"not found") if made is None else made()
+        self.send_response(answer.status)
+        self.send_header("content-type", answer.media_type)
+        self.send_header("content-length", str(len(answer.body)))
+        self.end_headers()
+        self.wfile.write(answer.body)
+
+    def log_message(self, *_: object) -> None:
+        """Health checks come every few seconds; nobody wants to read of them."""

@@ -2,10 +2,12 @@
 
 A callback of Zenoh must never wait, or every subscription of its session freezes; so a full queue drops its oldest
 batch, counts it, and lets the new one in. Each sensor has its own bound: a flood from one drops nothing of another.
+When the worker is too slow for all of it, it sheds: the oldest batch of the sensor that has most waiting goes first.
 """
 
 from __future__ import annotations
 
+import heapq
 import threading
 import time
 from collections import deque
@@ -70,8 +72,7 @@ class Inbox:
                 queue.append(Arrival(self._count, received_s, sensor, key, payload, encoding))
                 self._bytes[sensor] += len(payload)
                 while len(queue) > self._capacity or (self._bytes[sensor] > BYTES and len(queue) > 1):
-                    self._bytes[sensor] -= len(queue.popleft().payload)
-                    self.dropped[sensor] += 1
+                    self._drop_oldest(sensor)
             news.set()
 
         return receive
@@ -95,18 +96,44 @@ class Inbox:
         """Wait until something has arrived or the time is up; whether something has."""
         return self._news.wait(timeout_s)
 
-    def take(self, most: int) -> list[Arrival]:
-        """Everything that waits, in order of arrival; the oldest ``most`` batches where it is more."""
+    def take(self, most_bytes: int) -> list[Arrival]:
+        """What waits, in order of arrival: the oldest batches up to a number of bytes, one at least."""
         with self._lock:
             self._news.clear()
-            taken = sorted(arrival for queue in self._queues for arrival in queue)
-            if len(taken) > most:
-                del taken[most:]
-                self._news.set()
+            taken: list[Arrival] = []
+            left = most_bytes
+            for arrival in heapq.merge(*self._queues):
+                if taken and len(arrival.payload) > left:
+                    self._news.set()
+                    break
+                left -= len(arrival.payload)
+                taken.append(arrival)
             for arrival in taken:
                 self._queues[arrival.sensor].popleft()
                 self._bytes[arrival.sensor] -= len(arrival.payload)
             return taken
+
+    def oldest_s(self) -> float | None:
+        """When the oldest batch that waits has arrived; None where none waits. [s since the epoch]"""
+        with self._lock:
+            return min((queue[0].received_s for queue in self._queues if queue), default=None)
+
+    def shed(self, keep_bytes: int) -> None:
+        """Drop batches until so few bytes wait: the oldest of the sensor that has most waiting, and again.
+
+        The sensor that has least waiting is touched last, and those that are too loud end up equal.
+        """
+        with self._lock:
+            waiting = sum(self._bytes)
+            while waiting > keep_bytes:
+                sensor = max(range(len(self._bytes)), key=self._bytes.__getitem__)
+                waiting -= self._drop_oldest(sensor)
+
+    def _drop_oldest(self, sensor: int) -> int:
+        size = len(self._queues[sensor].popleft().payload)
+        self._bytes[sensor] -= size
+        self.dropped[sensor] += 1
+        return size
 
     def questions(self) -> list[Question]:
         """All questions that wait."""

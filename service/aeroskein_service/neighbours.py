@@ -6,14 +6,15 @@ Both are learned from liveliness tokens, which appear and vanish with their proc
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from time import monotonic
 from typing import Final
 
 from aeroskein.errors import AeroskeinError
 from aeroskein_service.keys import Keys
 from aeroskein_service.transport import Session
 
-__all__ = ["AnotherServiceError", "Neighbours", "claim"]
+__all__ = ["AnotherServiceError", "Claim", "Neighbours"]
 
 # Time for two services started together to see each other's token through the router. [s]
 SETTLE_S: Final = 0.5
@@ -23,22 +24,30 @@ class AnotherServiceError(AeroskeinError):
     """Another fusion service works here already; the message is one sentence for the operator."""
 
 
-def claim(session: Session, keys: Keys, instance: str, stop: threading.Event) -> None:
-    """Announce this service, unless another is alive under the same prefix and shard.
+class Claim:
+    """The place of a fusion service, claimed by a liveliness token and then confirmed.
 
-    Of two that start together the one with the lower instance name stays. Raises ``AnotherServiceError``.
+    What takes time at the start can be done between the two. Of services that start together the one with the lower
+    instance name stays. Both steps raise ``AnotherServiceError`` where another service has the place.
     """
-    own = keys.alive_fusion(instance)
-    others = session.alive(keys.alive_fusion())
-    if not others:
-        session.declare_alive(own)
-        stop.wait(SETTLE_S)
-        others = [key for key in session.alive(keys.alive_fusion()) if key < own]
-    if others:
-        name = others[0].rpartition("/")[2]
-        raise AnotherServiceError(
-            f"another fusion service, {name!r}, is alive under {keys.prefix}; stop it or choose another zenoh.prefix"
-        )
+
+    def __init__(self, session: Session, keys: Keys, instance: str) -> None:
+        self._session, self._keys, self._own = session, keys, keys.alive_fusion(instance)
+        self._refuse(session.alive(keys.alive_fusion()))
+        session.declare_alive(self._own)
+        self._confirms_s = monotonic() + SETTLE_S
+
+    def confirm(self, stop: threading.Event) -> None:
+        """Look again once others that began at the same moment can be seen; ``stop`` ends the waiting."""
+        stop.wait(max(self._confirms_s - monotonic(), 0.0))
+        self._refuse([key for key in self._session.alive(self._keys.alive_fusion()) if key < self._own])
+
+    def _refuse(self, others: Sequence[str]) -> None:
+        if others:
+            name, prefix = others[0].rpartition("/")[2], self._keys.prefix
+            raise AnotherServiceError(
+                f"another fusion service, {name!r}, is alive under {prefix}; stop it or choose another zenoh.prefix"
+            )
 
 
 class Neighbours:

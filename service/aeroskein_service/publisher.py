@@ -1,12 +1,14 @@
 """From the engine's events to Zenoh: every fused point on its track's key and in the feed, states and dispositions.
 
-The per-track keys are put with DROP, so that no slow consumer ever holds up fusion; ``seq`` shows a loss. Who needs
-every point follows ``feed/<product>/<instance>``, whose last batches are kept and fetched again when they are missed.
+The per-track keys are put with DROP, so that no slow consumer ever holds up fusion; ``seq`` shows a loss. While nobody
+subscribes to any of them they are not put at all, which saves more than encoding costs. Who needs every point follows
+``feed/<product>/<instance>``, whose last batches are kept and fetched again when they are missed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -73,20 +75,18 @@ class Outlet:
             product: Publisher(session, self._encoding, _key_speller(keys, name)) for product, name in _NAMES.items()
         }
         self._sensor_ids = list(sensor_ids)
-        self._watched = [False] * len(self._sensor_ids)
+        # What somebody subscribes to: products on the keys of tracks, and dispositions by sensor.
+        self._followed = dict.fromkeys(Product, False)
+        self._watched = dict.fromkeys(range(len(self._sensor_ids)), False)
+        for product, name in _NAMES.items():
+            session.watched_publisher(keys.fused(name, "*"), partial(self._followed.__setitem__, product))
         for index, sensor in enumerate(self._sensor_ids):
-            session.watched_publisher(keys.dispositions(sensor), self._watcher(index))
-
-    def _watcher(self, sensor: int) -> Callable[[bool], None]:
-        def note(matching: bool) -> None:
-            self._watched[sensor] = matching
-
-        return note
+            session.watched_publisher(keys.dispositions(sensor), partial(self._watched.__setitem__, index))
 
     @property
     def dispositions_wanted(self) -> bool:
         """Whether somebody follows ``debug/dispositions`` of any sensor."""
-        return any(self._watched)
+        return any(self._watched.values())
 
     def points(self, points: FusedPoints, *, published_s: float) -> None:
         """Put points of one product, each on its key and all in the feed."""
@@ -95,8 +95,9 @@ class Outlet:
         with self._clock.measure("encode", len(points)):
             payloads = self._encoder.encode(points, published_s=published_s)
         with self._clock.measure("publish", len(points)):
-            codes = np.where(points.label >= 0, points.label, -1 - points.track_number)
-            self._tracks[points.product].put(codes.tolist(), payloads)
+            if self._followed[points.product]:
+                codes = np.where(points.label >= 0, points.label, -1 - points.track_number)
+                self._tracks[points.product].put(codes.tolist(), payloads)
             feed = self._feeds[points.product]
             for start in range(0, len(payloads), FEED_POINTS):
                 seq = self._feed_seq[points.product]

@@ -1,8 +1,8 @@
 """The one thread that runs the engine: takes what has arrived, fuses, publishes, answers questions, counts.
 
 Micro-batches by arrival: whatever is queued is worked on at once, so light traffic has no delay; under load the worker
-lingers a little before it takes the next batch, because a larger batch costs less per report. Nothing else touches the
-engine.
+lingers a little before it takes the next batch, because a larger batch costs less per report. Elements are closed a few
+hundred at a time with input taken in between, so that neither waits for the other. Nothing else touches the engine.
 """
 
 from __future__ import annotations
@@ -26,24 +26,20 @@ from aeroskein_service.codec import OpenBatch, gather, open_batch
 from aeroskein_service.complaints import Complaints
 from aeroskein_service.inbox import Arrival, Inbox
 from aeroskein_service.messages import VERSION
+from aeroskein_service.pace import TURN_BYTES, Pace
 from aeroskein_service.publisher import Outlet
 from aeroskein_service.queries import Desk
 from aeroskein_service.stage_clock import StageClock
 from aeroskein_service.state_store import StateStore
-from aeroskein_service.status import Counters, sensor_alarms
+from aeroskein_service.status import Counters, is_fresh, sensor_alarms
 
 __all__ = ["Runner"]
 
-# Batches worked on in one turn, 500 reports at most in each: keeps a turn below a second after an outage.
-TURN_BATCHES: Final = 100
-# After a turn the worker rests in proportion to what the turn cost, so that input gathers where it comes fast: a larger
-# batch costs less per report (at 20,000 aircraft 46 % of a core, not 67 %). Where it comes slowly nothing waits.
-LINGER: Final = 1.5
-LINGER_S: Final = 0.02
-# Elements of many aircraft close together, which costs a fraction of closing them one by one; and where a pass is slow
-# the next one comes later, so that time passing never takes more than a quarter of the worker.
+# Elements of many aircraft close together, which costs a fraction of closing them one by one: once in so long, so many
+# at a time. Between two of these input is taken; where both are too much each gets half of the worker.
 TICK_S: Final = 0.25
-REST: Final = 3.0
+ELEMENTS: Final = 512
+SLICE_S: Final = 0.01
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
 SNAPSHOT_S: Final = 10.0
@@ -61,6 +57,8 @@ class Runner:
         What it works with.
     instance : str
         This service's name.
+    patience_s : float
+        Input that waits longer is an overload. [s]
     alarms : callable
         Sentences from outside the worker: router, other instances, unknown sensors.
     clock : callable
@@ -78,6 +76,7 @@ class Runner:
         stages: StageClock,
         *,
         instance: str,
+        patience_s: float,
         alarms: Callable[[], Iterable[str]],
         clock: Callable[[], float] = time.time,
     ) -> None:
@@ -90,7 +89,8 @@ class Runner:
         start_s = monotonic()
         self._next_status_s = self._next_registration_s = self._next_snapshot_s = start_s
         self._advance_from_s = self._next_advance_s = self._take_from_s = start_s
-        self._delay_s = 0.0
+        self._pace = Pace(patience_s)
+        self._delay_s = self._thinning_s = 0.0
         self._log = structlog.get_logger("aeroskein.runner")
         self._complaints = Complaints(self._log)
         self._stopping = threading.Event()
@@ -111,12 +111,21 @@ class Runner:
         self._inbox.wake()
         self._thread.join()
 
+    @property
+    def hears(self) -> bool:
+        """Whether any sensor has sent lately, as the last status says; for other threads."""
+        status, now_s = self.status, self._clock()
+        return status is not None and any(
+            is_fresh(sensor, status["sensors"][sensor.id]["last_report_s"], now_s) for sensor in self._sensors
+        )
+
     # -- the thread ----------------------------------------------------------------------------------------------
     def _run(self) -> None:
         try:
             while not self._stopping.is_set():
                 self._wait()
-                self._turn(self._inbox.take(TURN_BATCHES))
+                self._relieve()
+                self._turn(self._inbox.take(TURN_BYTES))
             self._drain()
         except BaseException as error:
             self.failure = error
@@ -127,9 +136,23 @@ class Runner:
     def _wait(self) -> None:
         due_s = min(self._next_advance_s, self._next_status_s) - monotonic()
         news = self._inbox.wait(min(max(due_s, 0.0), STATUS_S))
-        linger_s = self._take_from_s - monotonic()
+        # Rest while input gathers, but not when elements or the status are due.
+        linger_s = min(self._take_from_s, self._next_advance_s, self._next_status_s) - monotonic()
         if news and linger_s > 0.0:
             self._stopping.wait(linger_s)
+
+    def _relieve(self) -> None:
+        """Give up what cannot be done in time: live points first, then the oldest input of the loudest sensor."""
+        oldest_s = self._inbox.oldest_s()
+        waited_s = 0.0 if oldest_s is None else self._clock() - oldest_s
+        thinning_s = self._pace.thinning_s(waited_s, monotonic())
+        if thinning_s != self._thinning_s:
+            self._thinning_s = thinning_s
+            self._engine.thin_live(thinning_s)
+            self._log.warning("live_points_thinned", every_s=thinning_s, waited_s=round(waited_s, 3))
+        keep = self._pace.excess(waited_s)
+        if keep is not None:
+            self._inbox.shed(keep)
 
     def _turn(self, arrivals: Sequence[Arrival]) -> None:
         self.turned_s = began_s = monotonic()
@@ -140,12 +163,10 @@ class Runner:
             with self._stages.measure("engine", len(plots)):
                 events = self._engine.receive(plots, now_s=now_s)
             self._publish(events)
-            spent_s = monotonic() - began_s
-            self._take_from_s = began_s + spent_s + min(LINGER * spent_s, LINGER_S)
         if arrivals:
             self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
         if monotonic() >= self._next_advance_s:
-            self._advance(now_s)
+            self._advance(monotonic() - began_s)
         # The engine's deadline moves with its input, so only its absence counts: without tracks nothing is due.
         idle = self._engine.next_deadline_s() is None
         self._next_advance_s = inf if idle else self._advance_from_s
@@ -153,19 +174,26 @@ class Runner:
             self._desk.answer(question, now_s=now_s)
         if monotonic() >= self._next_status_s:
             self._every_second(now_s)
+        ended_s = monotonic()
+        self._pace.worked(began_s, ended_s, sum(len(arrival.payload) for arrival in arrivals))
+        self._take_from_s = ended_s + self._pace.linger_s
 
-    def _advance(self, now_s: float) -> None:
+    def _advance(self, input_s: float) -> None:
+        """Let time pass for as long as input has just taken; what is then still due comes after the next input."""
         began_s = monotonic()
-        events = self._engine.advance(now_s=now_s)
-        spent_s = monotonic() - began_s
-        elements = sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
-        self._stages.add("advance", int(spent_s * 1e9), elements)
-        self._advance_from_s = began_s + max(TICK_S, (1.0 + REST) * spent_s)
-        self._publish(events)
+        more = True
+        while more and monotonic() - began_s < max(input_s, SLICE_S):
+            start_ns = perf_counter_ns()
+            events = self._engine.advance(now_s=self._clock(), most=ELEMENTS)
+            closed = sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
+            self._stages.add("advance", perf_counter_ns() - start_ns, closed)
+            self._publish(events)
+            more = closed >= ELEMENTS
+        self._advance_from_s = began_s if more else began_s + TICK_S
 
     def _drain(self) -> None:
         ends_s = monotonic() + DRAIN_S
-        while (arrivals := self._inbox.take(TURN_BATCHES)) and monotonic() < ends_s:
+        while (arrivals := self._inbox.take(TURN_BYTES)) and monotonic() < ends_s:
             self._turn(arrivals)
         for arrival in arrivals:
             self._counters.reject(arrival.sensor, Reason.OVERLOAD)
@@ -268,6 +296,8 @@ class Runner:
         self._counters.drop(self._inbox.dropped)
         sensors = self._counters.per_sensor(self._inbox.depths(), self._inbox.dropped)
         alarms = [*self._engine.alarms(), *self._alarms()]
+        if self._thinning_s:
+            alarms.append(f"overloaded: live points of one track come {self._thinning_s:g} s apart at least")
         alarms += sensor_alarms(self._sensors, sensors, before, now_s=now_s, started_s=self._started_s)
         return {
             "version": VERSION,

@@ -7,27 +7,23 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import structlog
 
-from aeroskein.engine import FusionEngine
-from aeroskein.errors import SnapshotError
-from aeroskein_service.codec import PointEncoder
 from aeroskein_service.config import Config
 from aeroskein_service.http import HealthServer, bind, url_of
 from aeroskein_service.inbox import Inbox
 from aeroskein_service.keys import Keys
 from aeroskein_service.metrics import Metrics
-from aeroskein_service.neighbours import Neighbours, claim
-from aeroskein_service.publisher import Outlet
-from aeroskein_service.queries import Desk
-from aeroskein_service.runner import Runner
-from aeroskein_service.stage_clock import StageClock
+from aeroskein_service.neighbours import Claim, Neighbours
 from aeroskein_service.state_store import StateStore
-from aeroskein_service.status import Counters, is_fresh
 from aeroskein_service.transport import Session, open_session
 from aeroskein_service.web.page_process import PageProcess
+
+if TYPE_CHECKING:
+    from aeroskein.engine import FusionEngine
+    from aeroskein_service.runner import Runner
 
 __all__ = ["Service"]
 
@@ -72,26 +68,31 @@ class Service:
         self._store = StateStore(config.service.state_dir, complain=self._log.error)
         self._serve_health()
         self._session = self._held.enter_context(self._connect("service", stop))
-        claim(self._session, self._keys, self.instance, stop)
+        claimed = Claim(self._session, self._keys, self.instance)
+        # While others may come to see the claim, the heavy parts are loaded and made.
+        from aeroskein_service.worker import make_engine, make_runner
+
         neighbours = Neighbours(self._session, self._keys, self.instance, config.sensor_ids)
         inbox = Inbox(len(config.sensors), config.service.inbox_batches)
-        self._engine = self._make_engine(self._store)
-        self._runner = self._make_runner(self._engine, inbox, self._store, neighbours)
+        self._engine = make_engine(config, self._store)
+        self._runner = make_runner(
+            config,
+            self._engine,
+            self._session,
+            inbox,
+            self._store,
+            instance=self.instance,
+            alarms=lambda: [*self._link_alarms(), *neighbours.alarms()],
+        )
+        # A session for each sensor: a stall of one link cannot hold up the others.
+        for sensor in config.sensor_ids:
+            self._intake.append(self._connect(sensor, stop))
+        claimed.confirm(stop)
         # What exists now stays: the collector need not look at it again.
         gc.collect()
         gc.freeze()
         self._runner.start()
-        for index, sensor in enumerate(config.sensor_ids):
-            # A session of its own for each sensor: a stall of one link cannot hold up the others.
-            session = self._connect(sensor, stop)
-            self._intake.append(session)
-            session.subscribe_recovering(
-                self._keys.reports_below(sensor),
-                inbox.receiver(index),
-                on_miss=self._misser(sensor),
-                history=HISTORY_BATCHES,
-                history_age_s=min(HISTORY_S, config.fusion.max_age_s),
-            )
+        self._take_in(inbox)
         self._waiting = ""
         self._log.info(
             "service_started",
@@ -101,6 +102,16 @@ class Service:
             http=self.http_url,
             configuration=config.fingerprint(),
         )
+
+    def _take_in(self, inbox: Inbox) -> None:
+        for index, (sensor, session) in enumerate(zip(self._config.sensor_ids, self._intake, strict=True)):
+            session.subscribe_recovering(
+                self._keys.reports_below(sensor),
+                inbox.receiver(index),
+                on_miss=self._misser(sensor),
+                history=HISTORY_BATCHES,
+                history_age_s=min(HISTORY_S, self._config.fusion.max_age_s),
+            )
 
     def _connect(self, purpose: str, stop: threading.Event) -> Session:
         def announce(sentence: str) -> None:
@@ -115,50 +126,6 @@ class Service:
             self._log.warning("batches_unrecoverable", sensor=sensor, batches=many)
 
         return note
-
-    def _make_engine(self, store: StateStore) -> FusionEngine:
-        engine = FusionEngine(
-            self._config.engine,
-            epoch_ms=int(time.time() * 1000),
-            first_track_number=store.first_number,
-            stopwatch_s=time.perf_counter,
-        )
-        try:
-            snapshot = store.snapshot(engine.snapshot())
-            if snapshot is not None:
-                engine.restore(snapshot)
-        except SnapshotError as error:
-            self._log.error("snapshot_ignored", why=str(error))
-        return engine
-
-    def _make_runner(self, engine: FusionEngine, inbox: Inbox, store: StateStore, neighbours: Neighbours) -> Runner:
-        config, session = self._config, self._session
-        assert session is not None
-        stages = StageClock()
-        encoder = PointEncoder(config.sensor_ids, engine.epoch_ms, config.output.encoding)
-        outlet = Outlet(
-            session,
-            self._keys,
-            self.instance,
-            encoder,
-            epoch_ms=engine.epoch_ms,
-            sensor_ids=config.sensor_ids,
-            clock=stages,
-        )
-        desk = Desk(engine, encoder)
-        for key in desk.keys(self._keys):
-            session.answer(key, inbox.ask)
-        return Runner(
-            engine,
-            inbox,
-            outlet,
-            desk,
-            store,
-            Counters(config.sensors),
-            stages,
-            instance=self.instance,
-            alarms=lambda: [*self._link_alarms(), *neighbours.alarms()],
-        )
 
     # -- health --------------------------------------------------------------------------------------------------
     def _serve_health(self) -> None:
@@ -192,11 +159,7 @@ class Service:
         if self._waiting:
             return [self._waiting]
         reasons = self.not_live() + self._link_alarms()
-        status = None if self._runner is None else self._runner.status
-        now_s = time.time()
-        if status is None or not any(
-            is_fresh(sensor, status["sensors"][sensor.id]["last_report_s"], now_s) for sensor in self._config.sensors
-        ):
+        if self._runner is None or not self._runner.hears:
             reasons.append("no sensor has sent a report lately")
         return reasons
 

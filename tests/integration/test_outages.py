@@ -129,7 +129,7 @@ def children(parent: int) -> list[int]:
 
 def test_demo_fuses_and_ends_with_every_process_on_ctrl_c(tmp_path):
     with Process(tmp_path, "demo") as demo:
-        wait_until(lambda: "\n30 tracks" in demo.out or demo.popen.poll() is not None, "fused tracks")
+        wait_until(lambda: "\n40 tracks" in demo.out or demo.popen.poll() is not None, "fused tracks")
         assert "aeroskein watch --connect tcp/127.0.0.1:" in demo.out
         processes = children(demo.popen.pid)
         assert len(processes) == 5

@@ -29,7 +29,7 @@ from tests.integration.harness import (
     write_config,
 )
 
-from aeroskein_service.neighbours import AnotherServiceError, claim
+from aeroskein_service.neighbours import AnotherServiceError, Claim
 from aeroskein_service.transport import Router, Session
 
 
@@ -159,7 +159,7 @@ def test_of_two_started_together_the_lower_name_stays(endpoint, keys):
 
     def start(name: str, session: Session) -> None:
         try:
-            claim(TogetherSession(session._session), keys, name, threading.Event())
+            Claim(TogetherSession(session._session), keys, name).confirm(threading.Event())
         except AnotherServiceError as error:
             refused[name] = str(error)
 

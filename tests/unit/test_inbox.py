@@ -56,11 +56,56 @@ def test_huge_payloads_are_bounded_by_their_bytes():
 def test_what_is_not_taken_stays_and_keeps_the_worker_awake():
     inbox = make(capacity=10)
     for sensor in (0, 1, 0):
-        inbox.receiver(sensor)("key", b"", "json")
-    assert [a.sensor for a in inbox.take(2)] == [0, 1]
+        inbox.receiver(sensor)("key", b"1234", "json")
+    assert [a.sensor for a in inbox.take(9)] == [0, 1]
     assert inbox.wait(0.0)
-    assert [a.sensor for a in inbox.take(2)] == [0]
+    assert [a.sensor for a in inbox.take(9)] == [0]
     assert not inbox.wait(0.0)
+
+
+def test_one_batch_is_taken_however_large_it_is():
+    inbox = make()
+    inbox.receiver(0)("key", b"large", "json")
+    assert len(inbox.take(1)) == 1
+
+
+def test_the_age_of_what_waits_is_that_of_the_oldest():
+    inbox = make()
+    assert inbox.oldest_s() is None
+    for sensor in (1, 0):
+        inbox.receiver(sensor)("key", b"x", "json")
+    assert inbox.oldest_s() == 0.0
+    inbox.take(1)
+    assert inbox.oldest_s() == 1.0
+
+
+def test_shedding_drops_the_oldest_of_the_loudest_sensor_and_counts_it():
+    inbox = make(capacity=100)
+    for payload in (b"00", b"01", b"02", b"03"):
+        inbox.receiver(0)("key", payload, "json")
+    inbox.receiver(1)("key", b"10", "json")
+    inbox.shed(6)
+    assert [a.payload for a in inbox.take(100)] == [b"02", b"03", b"10"]
+    assert inbox.dropped == [2, 0]
+
+
+def test_shedding_makes_two_loud_sensors_equal_before_it_touches_a_quiet_one():
+    inbox = make(sensors=3, capacity=100)
+    for sensor, many in ((0, 8), (1, 12), (2, 2)):
+        for _ in range(many):
+            inbox.receiver(sensor)("key", b"x", "json")
+    inbox.shed(10)
+    assert inbox.depths() == [4, 4, 2]
+    assert inbox.dropped == [4, 8, 0]
+
+
+def test_shedding_of_little_enough_drops_nothing():
+    inbox = make(capacity=100)
+    inbox.receiver(0)("key", b"1234", "json")
+    inbox.shed(4)
+    assert inbox.dropped == [0, 0]
+    inbox.shed(0)
+    assert inbox.dropped == [1, 0]
 
 
 def test_question_to_a_closed_inbox_is_refused():
