@@ -7,26 +7,30 @@ behind the settled time of its track is done with and may be overwritten; a repo
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from aeroskein.measurements import COLUMN_COUNT, COLUMNS, Measurements
+from aeroskein.measurements import COLUMNS, Measurements
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.rings import Rings
 from aeroskein.settings import EngineSettings
 
 __all__ = ["ReportBuffers", "ring_depth"]
 
 TIME: Final = COLUMNS.index("time_s")
-# Two reports of one sensor with the same time and place within this are the same report. [s], [m]
-SAME_TIME_S: Final = 1e-6
-SAME_PLACE_M: Final = 1e-3
-# What a sensor reported of a place is repeated to the last digit, but for rounding in a coding. [m], [deg]
-SAME_RAW: Final = 1e-6
+# Two reports of one sensor with the same time and place within this are the same report; rings round places to 4 mm,
+# ranges to 3 cm and azimuths to 3e-5 degrees. [s], [m], [m], [deg]
+SAME_TIME_S: Final = 1e-5
+SAME_PLACE_M: Final = 0.01
+SAME_RANGE_M: Final = 0.05
+SAME_AZIMUTH_DEG: Final = 5e-5
+# Reports that rings have room for, over what the sensors send by their periods in the longest window.
+SPARE: Final = 1.5
 
 
 def ring_depth(settings: EngineSettings) -> int:
-    """Reports that a ring must hold: twice what the sensors send inside the longest open window.
+    """Reports that a ring must hold: half as many again as the sensors send inside the longest open window.
 
     The window reaches from the settled time (up to half an element before the open element) over the look-ahead to
     the clock, with a quarter to spare.
@@ -37,28 +41,25 @@ def ring_depth(settings: EngineSettings) -> int:
         1.25 * fusion.element_s * (fusion.lookahead + 2.5) + max(fusion.watermark_s, fusion.watermark_max_s) + 1.0
     )
     slow = max((s.period_s for s in settings.sensors), default=1.0)
-    return 8 * math.ceil(min(max(2.0 * rate * window_s, 4.0 * window_s / slow, 24.0), 512.0) / 8.0)
+    return 8 * math.ceil(min(max(SPARE * rate * window_s, 4.0 * window_s / slow, 24.0), 512.0) / 8.0)
 
 
 class ReportBuffers:
-    """Rings of all tracks: ``rows`` has shape ``(capacity, depth, COLUMN_COUNT)``."""
+    """Rings of all tracks; ``rows`` holds ``(capacity, depth)`` reports."""
 
-    def __init__(self, capacity: int, depth: int) -> None:
+    def __init__(self, capacity: int, depth: int, precision: type[np.floating[Any]] = np.float32) -> None:
         self.depth = depth
-        self.rows = np.full((capacity, depth, COLUMN_COUNT), np.nan)
-        self.rows[:, :, TIME] = -np.inf
+        self.rows = Rings(capacity, depth, precision)
         self._written = np.zeros(capacity, dtype=np.int64)
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""
-        more = ReportBuffers(capacity - len(self.rows), self.depth)
-        self.rows = np.concatenate([self.rows, more.rows])
-        self._written = np.concatenate([self._written, more._written])
+        self._written = np.concatenate([self._written, np.zeros(capacity - len(self.rows), dtype=np.int64)])
+        self.rows.grow(capacity)
 
     def clear(self, slots: Ints) -> None:
         """Empty the rings of tracks that ended or begin."""
-        self.rows[slots] = np.nan
-        self.rows[slots, :, TIME] = -np.inf
+        self.rows.time_s[slots] = -np.inf
         self._written[slots] = 0
 
     def add(self, reports: Measurements, settled_s: Array) -> Bools:
@@ -82,17 +83,18 @@ class ReportBuffers:
         slots = reports.slot
         rank = ranks(slots)
         position = (self._written[slots] + rank) % self.depth
-        free: Bools = (self.rows[slots, position, TIME] <= settled_s) & (rank < self.depth)
+        free: Bools = (self.rows.time_s[slots, position] <= settled_s) & (rank < self.depth)
         kept = np.flatnonzero(free)
         # A refused report leaves no hole: positions are given again among those that are kept.
         if len(kept) < n:
             slots = slots[kept]
             position = (self._written[slots] + ranks(slots)) % self.depth
-            free[kept] = self.rows[slots, position, TIME] <= settled_s[kept]
+            free[kept] = self.rows.time_s[slots, position] <= settled_s[kept]
             slots, position, kept = slots[free[kept]], position[free[kept]], kept[free[kept]]
         else:
             position = position[kept]
-        self.rows[slots, position] = reports.packed()[kept]
+        packed = reports.packed()
+        self.rows[slots, position] = packed if len(kept) == n else packed[kept]
         np.add.at(self._written, slots, 1)
         return free
 
@@ -100,18 +102,19 @@ class ReportBuffers:
         """Which reports are already there: same sensor, same stamp, same place as it was said. Shape ``(n,)``."""
         rows = self.rows[reports.slot]
 
-        def near(names: tuple[str, ...], within: float) -> Bools:
-            close = [np.abs(rows[:, :, COLUMNS.index(n)] - getattr(reports, n)[:, None]) < within for n in names]
+        def near(**within: float) -> Bools:
+            close = [np.abs(rows[:, :, COLUMNS.index(n)] - getattr(reports, n)[:, None]) < d for n, d in within.items()]
             return np.asarray(np.all(close, axis=0))
 
-        same = near(("stamp_s",), SAME_TIME_S) & (rows[:, :, COLUMNS.index("sensor")] == reports.sensor[:, None])
+        same = np.isfinite(rows[:, :, TIME]) & near(stamp_s=SAME_TIME_S, sensor=0.5)
         # A plot's place in the plane hangs on the height assumed for it, which may have changed meanwhile.
-        same &= near(("range_m", "azimuth_deg"), SAME_RAW) | near(("east_m", "north_m"), SAME_PLACE_M)
+        raw = near(range_m=SAME_RANGE_M, azimuth_deg=SAME_AZIMUTH_DEG)
+        same &= raw | near(east_m=SAME_PLACE_M, north_m=SAME_PLACE_M)
         return np.asarray(same.any(axis=1))
 
     def earliest_s(self, slots: Ints) -> Array:
         """Time of the oldest report in each ring, inf where empty, ``(n,)``. [s since the epoch]"""
-        times = self.rows[slots, :, TIME]
+        times = self.rows.time_s[slots]
         return np.asarray(np.where(np.isneginf(times), np.inf, times).min(axis=1))
 
     def reports(self, slots: Ints, from_s: Array) -> Measurements:

@@ -17,9 +17,9 @@ from aeroskein.closed import Closed, Estimate
 from aeroskein.elements import element_boundaries
 from aeroskein.estimator import estimate
 from aeroskein.gating import GateMemory
-from aeroskein.measurements import COLUMNS
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.rings import Rings
 from aeroskein.settings import EngineSettings
 from aeroskein.windows import REPORT, Window, gather
 
@@ -107,14 +107,14 @@ class ElementTable:
         due: Array = self.boundaries_s[:, -1] + self.wait_s
         return due
 
-    def close(self, slots: Ints, rings: Array) -> Closed:
+    def close(self, slots: Ints, rings: Rings) -> Closed:
         """Close the open element of each track and open the next.
 
         Parameters
         ----------
         slots : (n,) int64
             Tracks.
-        rings : (capacity, depth, COLUMN_COUNT) array
+        rings : Rings
             The buffered reports of all tracks; what the detector finds is written beside them.
         """
         boundaries = self.boundaries_s[slots]
@@ -122,7 +122,7 @@ class ElementTable:
         horizon = boundaries[:, -1]
         settled = self.settled_s[slots]
         next_settled = np.maximum(np.minimum(centre, horizon - REVISION_S), settled)
-        window = gather(rings[slots], settled, horizon, centre, next_settled)
+        window = gather(rings, slots, settled, horizon, centre, next_settled)
         order = window.lanes
         slots, boundaries, centre = slots[order], boundaries[order], centre[order]
         self._detect(slots, window)
@@ -185,10 +185,10 @@ class ElementTable:
         self.index[slots] += 1
 
 
-def _keep_density(rings: Array, slots: Ints, window: Window) -> None:
+def _keep_density(rings: Rings, slots: Ints, window: Window) -> None:
     """The detector passes each report once; later windows find here what it found."""
     event, lane = np.nonzero(window.kind == REPORT)
-    rings[slots[lane], window.place[event, lane], COLUMNS.index("jerk_density")] = window.jerk_density[event, lane]
+    rings.set_column("jerk_density", slots[lane], window.place[event, lane], window.jerk_density[event, lane])
 
 
 def _windowed_max(window: Window) -> Array:

@@ -1,14 +1,15 @@
 """The element log: what the last twenty elements of every track looked like, for engineers and the map.
 
-Kept as columns per closing pass in single precision (positions are metres in a plane of 50 km: 4 mm), turned into
-plain numbers only for the one track that somebody asks for.
+Kept as rows of fixed size per closing pass, in single precision where that is enough (positions are metres in a plane
+of 50 km: 4 mm), turned into plain numbers only for the one track that somebody asks for.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from aeroskein import geodesy
 from aeroskein.closed import Closed
 from aeroskein.frames import FrameTable
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Ints
 from aeroskein.points import Flag, FusedPoints, Status
 from aeroskein.reasons import Reason
 
@@ -27,92 +28,63 @@ KEEP: Final = 20
 # The axis is drawn in pieces of about a second.
 AXIS_PIECES: Final = 4
 
-Single = NDArray[np.float32]
+# What is kept of the fused points: full precision for place and time, single for what is small or read by people.
+_PLACES: Final = ("time_s", "lat_deg", "lon_deg")
+_NUMBERS: Final = ("altitude_m", "height_m", "ground_speed_mps", "track_angle_deg", "vertical_rate_mps")
+_SINGLE: Final = (*_PLACES, *_NUMBERS)
+_COVARIANCES: Final = ("position_cov_m2", "velocity_cov_m2ps2")
+# A report of an element: time since the element's start, place in its plane. 14 bytes.
+_REPORT: Final = np.dtype(
+    [("sensor", "i1"), ("reason", "u1"), ("after_s", "f4"), ("east_m", "f4"), ("north_m", "f4")]
+)  # fmt: skip
+
+
+def _element_dtype(sensors: int) -> np.dtype[Any]:
+    """An element with its fused point; its reports are ``reports`` rows from ``first`` on."""
+    return np.dtype(
+        [
+            ("number", "u4"), ("slot", "i4"), ("frame", "i4"), ("index", "i4"), ("seq", "i4"), ("span_s", "f8", 2),
+            ("x", "f4", 6), ("half_width_m", "f4"), ("first", "i4"), ("reports", "u2"), *[(n, "f8") for n in _PLACES],
+            *[(n, "f4") for n in _NUMBERS], *[(n, "f4", 3) for n in _COVARIANCES], ("status", "u1"), ("master", "i1"),
+            ("flags", "u2"), ("rejected", "u2"), ("sources", "u2", sensors),
+        ]
+    )  # fmt: skip
 
 
 @dataclass(slots=True, eq=False)
 class _Pass:
-    """Closed elements of one pass: columns ``(n,)`` by element, then columns ``(m,)`` by report."""
+    """Closed elements of one pass and their reports, rows of the two kinds above; ``end_s`` is the last end."""
 
-    number: Ints
-    frame: NDArray[np.int32]
-    index: NDArray[np.int32]
-    span_s: Array
-    centre_s: Array
-    x: Single
-    half_width_m: Single
-    seq: Ints
-    fused: _FusedColumns
-    element_of: NDArray[np.int32]
-    sensor: NDArray[np.int8]
-    reason: NDArray[np.uint8]
-    after_s: Single
-    east_m: Single
-    north_m: Single
+    elements: NDArray[Any]
+    reports: NDArray[Any]
+    end_s: float
 
-
-# What is kept of the fused points: full precision for place and time, single for what is small or read by people.
-_PLACES: Final = ("time_s", "lat_deg", "lon_deg")
-_NUMBERS: Final = ("altitude_m", "height_m", "ground_speed_mps", "track_angle_deg", "vertical_rate_mps")
-_COVARIANCES: Final = ("position_cov_m2", "velocity_cov_m2ps2")
-
-
-@dataclass(slots=True, eq=False)
-class _FusedColumns:
-    """Fused points of one pass, rows by element."""
-
-    places: Array
-    numbers: Single
-    covariances: Single
-    status: NDArray[np.uint8]
-    master: NDArray[np.int8]
-    flags: NDArray[np.uint16]
-    sources: NDArray[np.uint16]
-    rejected: NDArray[np.uint16]
-
-    @classmethod
-    def of(cls, points: FusedPoints) -> Self:
-        """Keep what the query shows."""
-        return cls(
-            np.stack([getattr(points, name) for name in _PLACES], axis=1),
-            np.stack([getattr(points, name) for name in _NUMBERS], axis=1).astype(np.float32),
-            np.concatenate([getattr(points, name) for name in _COVARIANCES], axis=1).astype(np.float32),
-            points.status,
-            points.master.astype(np.int8),
-            points.flags,
-            points.sources.astype(np.uint16),
-            points.rejected.astype(np.uint16),
-        )
-
-    def row(self, i: int, sensor_ids: list[str]) -> dict[str, Any]:
-        """One point as plain numbers; what is unknown is None."""
-        numbers, covariances = _known(self.numbers[i]), _known(self.covariances[i])
-        master = int(self.master[i])
-        return {
-            **dict(zip(_PLACES, _known(self.places[i]), strict=True)),
-            **dict(zip(_NUMBERS, numbers, strict=True)),
-            **{
-                name: None if None in (part := covariances[3 * k : 3 * k + 3]) else part
-                for k, name in enumerate(_COVARIANCES)
-            },
-            "status": Status(int(self.status[i])).name.lower(),
-            "master": sensor_ids[master] if master >= 0 else None,
-            "sources": {sensor_ids[k]: int(many) for k, many in enumerate(self.sources[i]) if many},
-            "rejected": int(self.rejected[i]),
-            "flags": [str(flag.name).lower() for flag in Flag if int(self.flags[i]) & flag],
-        }
-
-
-def _known(values: NDArray[Any]) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
+    def take(self, rows: Ints) -> _Pass:
+        """Some of the elements, with their reports."""
+        elements = self.elements[rows]
+        count = elements["reports"].astype(np.int64)
+        first = np.cumsum(count) - count
+        place = np.repeat(elements["first"] - first, count) + np.arange(int(count.sum()))
+        elements["first"] = first
+        return _Pass(elements, self.reports[place], self.end_s)
 
 
 class ElementLog:
-    """Elements of all tracks, oldest pass first."""
+    """Elements of all tracks, oldest pass first.
 
-    def __init__(self, longest_element_s: float) -> None:
-        self._keep_s = (KEEP + 1) * longest_element_s
+    Parameters
+    ----------
+    element_s, longest_s : float
+        Usual and longest length of an element. [s]
+    """
+
+    def __init__(self, element_s: float, longest_s: float) -> None:
+        self._thin_s, self._keep_s = (KEEP + 1) * element_s, (KEEP + 1) * longest_s
         self._passes: deque[_Pass] = deque()
+        # Passes that have been looked through once, from the left.
+        self._thinned = 0
+        # By slot: the track that closed its last element there, and the index of that element.
+        self._number, self._index = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
     def add(
         self,
@@ -139,33 +111,46 @@ class ElementLog:
             What became of the reports in the span.
         """
         w = closed.window
-        event, lane = np.nonzero(closed.in_span())
-        self._passes.append(
-            _Pass(
-                number,
-                frame.astype(np.int32),
-                closed.index.astype(np.int32),
-                closed.span_s,
-                closed.centre_s,
-                closed.estimate.x.T.astype(np.float32),
-                half_width_m.astype(np.float32),
-                points.seq,
-                _FusedColumns.of(points),
-                lane.astype(np.int32),
-                w.sensor_index[event, lane].astype(np.int8),
-                reason[event, lane],
-                (w.time_s[event, lane] - closed.span_s[lane, 0]).astype(np.float32),
-                w.east_m[event, lane].astype(np.float32),
-                w.north_m[event, lane].astype(np.float32),
-            )
-        )
-        newest = float(closed.span_s[:, 1].max(initial=-np.inf))
-        while self._passes and float(self._passes[0].span_s[:, 1].max()) < newest - self._keep_s:
+        lane, event = np.nonzero(closed.in_span().T)
+        reports = np.empty(len(lane), dtype=_REPORT)
+        reports["sensor"], reports["reason"] = w.sensor_index[event, lane], reason[event, lane]
+        reports["after_s"] = w.time_s[event, lane] - closed.span_s[lane, 0]
+        reports["east_m"], reports["north_m"] = w.east_m[event, lane], w.north_m[event, lane]
+        count = np.bincount(lane, minlength=len(closed.slots))
+        rows = np.empty(len(closed.slots), dtype=_element_dtype(points.sources.shape[1]))
+        columns = {
+            "number": number, "slot": closed.slots, "frame": frame, "index": closed.index, "span_s": closed.span_s,
+            "x": closed.estimate.x.T, "half_width_m": half_width_m, "first": np.cumsum(count) - count, "reports": count,
+        }  # fmt: skip
+        of_point = ("seq", *_PLACES, *_NUMBERS, *_COVARIANCES, "status", "master", "flags", "rejected", "sources")
+        for name, column in (columns | {name: getattr(points, name) for name in of_point}).items():
+            rows[name] = column
+        self._passes.append(_Pass(rows, reports, float(closed.span_s[:, 1].max(initial=-np.inf))))
+        self._note(closed.slots, number, closed.index)
+        self._forget(self._passes[-1].end_s)
+
+    def _note(self, slots: Ints, number: Ints, index: Ints) -> None:
+        more = int(slots.max(initial=-1)) + 1 - len(self._number)
+        if more > 0:
+            fresh = np.full(more, -1, dtype=np.int64)
+            self._number, self._index = np.append(self._number, fresh), np.append(self._index, fresh)
+        self._number[slots], self._index[slots] = number, index
+
+    def _forget(self, newest_s: float) -> None:
+        """Take out what is older than its track's last twenty, once that can be; later everything."""
+        while self._passes and self._passes[0].end_s < newest_s - self._keep_s:
             self._passes.popleft()
+            self._thinned = max(self._thinned - 1, 0)
+        while self._thinned < len(self._passes) and self._passes[self._thinned].end_s < newest_s - self._thin_s:
+            rows = self._passes[self._thinned].elements
+            slot = rows["slot"]
+            old = (self._number[slot] == rows["number"]) & (self._index[slot] - rows["index"] >= KEEP)
+            self._passes[self._thinned] = self._passes[self._thinned].take(np.flatnonzero(~old))
+            self._thinned += 1
 
     def keep_all(self) -> None:
         """Forget nothing from now on: for a file that is replayed."""
-        self._keep_s = np.inf
+        self._keep_s = self._thin_s = np.inf
 
     def of_track(
         self, number: int, frames: FrameTable, sensor_ids: list[str], until_s: float = np.inf
@@ -176,42 +161,62 @@ class ElementLog:
         """
         places: deque[tuple[_Pass, int]] = deque(maxlen=KEEP)
         for p in self._passes:
-            places.extend((p, int(i)) for i in np.flatnonzero((p.number == number) & (p.span_s[:, 1] <= until_s)))
+            mine = (p.elements["number"] == number) & (p.elements["span_s"][:, 1] <= until_s)
+            places.extend((p, int(i)) for i in np.flatnonzero(mine))
         return [_record(p, i, frames, sensor_ids) for p, i in places]
 
 
+def _point(row: Any, sensor_ids: list[str]) -> dict[str, Any]:
+    """One point as plain numbers; what is unknown is None."""
+    master = int(row["master"])
+    covariances = {name: _known(row[name]) for name in _COVARIANCES}
+    return {
+        **dict(zip(_SINGLE, _known(row[name] for name in _SINGLE), strict=True)),
+        **{name: None if None in part else part for name, part in covariances.items()},
+        "status": Status(int(row["status"])).name.lower(),
+        "master": sensor_ids[master] if master >= 0 else None,
+        "sources": {sensor_ids[k]: int(many) for k, many in enumerate(row["sources"]) if many},
+        "rejected": int(row["rejected"]),
+        "flags": [str(flag.name).lower() for flag in Flag if int(row["flags"]) & flag],
+    }
+
+
+def _known(values: Iterable[float]) -> list[float | None]:
+    return [float(value) if np.isfinite(value) else None for value in values]
+
+
 def _record(p: _Pass, i: int, frames: FrameTable, sensor_ids: list[str]) -> dict[str, Any]:
-    frame = frames.rows[[int(p.frame[i])]]
-    start, end = (float(t) for t in p.span_s[i])
-    h = np.linspace(start, end, AXIS_PIECES + 1) - float(p.centre_s[i])
-    x = p.x[i].astype(np.float64)
+    row = p.elements[i]
+    frame = frames.rows[[int(row["frame"])]]
+    start, end = (float(t) for t in row["span_s"])
+    centre = 0.5 * (start + end)
+    h = np.linspace(start, end, AXIS_PIECES + 1) - centre
+    x = row["x"].astype(np.float64)
     axis = x[0:2] + h[:, None] * x[2:4] + 0.5 * h[:, None] ** 2 * x[4:6]
     direction = x[2:4] + h[:, None] * x[4:6]
     direction = direction / np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)[:, None]
-    normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1) * float(p.half_width_m[i])
-    of_element: Bools = p.element_of == i
-    reports = np.flatnonzero(of_element)
-    at = np.stack([p.east_m[reports], p.north_m[reports]], axis=1).astype(np.float64)
-    lat, lon = geodesy.from_plane(frame, at[:, 0], at[:, 1])
+    normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1) * float(row["half_width_m"])
+    reports = p.reports[int(row["first"]) : int(row["first"]) + int(row["reports"])]
+    lat, lon = geodesy.from_plane(frame, reports["east_m"].astype(np.float64), reports["north_m"].astype(np.float64))
     return {
-        "element": int(p.index[i]),
-        "seq": int(p.seq[i]),
+        "element": int(row["index"]),
+        "seq": int(row["seq"]),
         "span_s": [start, end],
-        "centre_s": float(p.centre_s[i]),
+        "centre_s": centre,
         "axis": _globe(frame, axis),
         "axis_time_s": [float(t) for t in np.linspace(start, end, AXIS_PIECES + 1)],
         "division_points": _globe(frame, axis[[0, -1]]),
         "boundary_lines": [_globe(frame, axis + normal), _globe(frame, axis - normal)],
-        "half_width_m": float(p.half_width_m[i]),
-        "point": p.fused.row(i, sensor_ids),
+        "half_width_m": float(row["half_width_m"]),
+        "point": _point(row, sensor_ids),
         "reports": [
             {
-                "sensor": sensor_ids[int(p.sensor[r])],
-                "time_s": start + float(p.after_s[r]),
+                "sensor": sensor_ids[int(r["sensor"])],
+                "time_s": start + float(r["after_s"]),
                 "lat_deg": float(lat[k]),
                 "lon_deg": float(lon[k]),
-                "accepted": int(p.reason[r]) == 0,
-                "reason": None if p.reason[r] == 0 else Reason(int(p.reason[r])).wire_name,
+                "accepted": int(r["reason"]) == 0,
+                "reason": None if r["reason"] == 0 else Reason(int(r["reason"])).wire_name,
             }
             for k, r in enumerate(reports)
         ],

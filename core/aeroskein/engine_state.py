@@ -50,7 +50,7 @@ class EngineState:
         self.seq = np.zeros((len(Product), capacity), dtype=np.int64)
         self.coasted_s = np.full(capacity, -np.inf)
         self.reports = ReportLog()
-        self.element_log = ElementLog(SLOW_ELEMENTS * settings.fusion.element_s)
+        self.element_log = ElementLog(settings.fusion.element_s, SLOW_ELEMENTS * settings.fusion.element_s)
 
     def make_room(self, n: int) -> bool:
         """See to it that ``n`` more tracks have slots; returns whether there are more slots now."""

@@ -32,6 +32,7 @@ __all__ = [
     "from_matrix",
     "innovation",
     "lagged_innovation",
+    "outer",
     "predict",
     "subtract_outer",
     "to_matrix",
@@ -100,29 +101,24 @@ def predict(x: Array, P: Array, h: Array, q: Array) -> None:
         Power spectral density of the jerk. [m²/s⁵]
     """
     g = 0.5 * h * h
+    p11, p12, p13, p22, p23, p33 = _blocks(P)
     x[0:2] += h * x[2:4] + g * x[4:6]
     x[2:4] += h * x[4:6]
-    p11, p12, p13, p22, p23, p33 = _blocks(P)
-    # All of A and B before any write: they read the old blocks.
-    A3 = p13 + h * p23
-    A3 += g * p33
-    B3 = h * p33
-    B3 += p23
-    p32 = p23.swapaxes(0, 1)
-    A2 = p12 + h * p22
-    A2 += g * p32
-    B2 = p22 + h * p32
-    A1 = p11 + h * p12.swapaxes(0, 1)
-    A1 += g * p13.swapaxes(0, 1)
-    np.multiply(h, A2, out=p11)
-    p11 += A1
-    p11 += g * A3
-    np.multiply(h, A3, out=p12)
-    p12 += A2
-    p13[...] = A3
-    np.multiply(h, B3, out=p22)
-    p22 += B2
-    p23[...] = B3
+    p21, p31, p32 = p12.swapaxes(0, 1), p13.swapaxes(0, 1), p23.swapaxes(0, 1)
+    # F P, block by block, each in the place of what is not read any more; then the same from the right.
+    product = np.empty_like(p33)
+    p11 += np.multiply(h, p21, out=product)
+    p11 += np.multiply(g, p31, out=product)
+    p12 += np.multiply(h, p22, out=product)
+    p12 += np.multiply(g, p32, out=product)
+    p22 += np.multiply(h, p32, out=product)
+    p13 += np.multiply(h, p23, out=product)
+    p13 += np.multiply(g, p33, out=product)
+    p23 += np.multiply(h, p33, out=product)
+    p11 += np.multiply(h, p12, out=product)
+    p11 += np.multiply(g, p13, out=product)
+    p12 += np.multiply(h, p13, out=product)
+    p22 += np.multiply(h, p23, out=product)
     p11[1, 0] = p11[0, 1]
     p22[1, 0] = p22[0, 1]
     _add_jerk_noise(P, h, q)
@@ -181,10 +177,20 @@ def subtract_outer(P: Array, a0: Array, a1: Array) -> None:
     r1 = P[0:12].reshape(2, 6, *lanes)
     r2 = P[12:20].reshape(2, 4, *lanes)
     r3 = P[20:24].reshape(2, 2, *lanes)
+    product = np.empty_like(r1)  # one for all six: making an array costs as much as filling it
     for a in (a0, a1):
-        r1 -= a[0:2, None] * a[None]
-        r2 -= a[2:4, None] * a[None, 2:]
-        r3 -= a[4:6, None] * a[None, 4:]
+        r1 -= np.multiply(a[0:2, None], a[None], out=product)
+        r2 -= np.multiply(a[2:4, None], a[None, 2:], out=product[:, 2:])
+        r3 -= np.multiply(a[4:6, None], a[None, 4:], out=product[:, 4:])
+
+
+def outer(d: Array, out: Array) -> Array:
+    """The stored rows of d d' of vectors ``(6, n)``, written to ``out (24, n)``."""
+    lanes = d.shape[1:]
+    np.multiply(d[0:2, None], d[None], out=out[0:12].reshape(2, 6, *lanes))
+    np.multiply(d[2:4, None], d[None, 2:], out=out[12:20].reshape(2, 4, *lanes))
+    np.multiply(d[4:6, None], d[None, 4:], out=out[20:24].reshape(2, 2, *lanes))
+    return out
 
 
 class Innovation(NamedTuple):

@@ -32,9 +32,6 @@ JERK_DENSITY: Final = np.array([0.02**2, 0.1**2, 1.0**2])
 # A model never vanishes wholly, or it could not come back.
 LOWEST_PROBABILITY: Final = 1e-6
 
-_I: Final = np.array([i for i, _ in kalman.ROW_OF])
-_J: Final = np.array([j for _, j in kalman.ROW_OF])
-
 
 def initial(x: Array, P: Array) -> tuple[Array, Array, Array]:
     """Three equal models from one state: ``(6, 3, n)``, ``(24, 3, n)``, probabilities ``(3, n)``."""
@@ -66,8 +63,7 @@ def _mix(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
     weights = np.empty((6, MODELS, n))
     weights[0:3] = W
     for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        d = x[:, i] - x[:, j]
-        np.multiply(d[_I], d[_J], out=S[:, 3 + k])
+        kalman.outer(x[:, i] - x[:, j], S[:, 3 + k])
         np.multiply(W[i], W[j], out=weights[3 + k])
     return mixed_x, np.einsum("cin,ijn->cjn", S, weights), c
 
@@ -165,9 +161,9 @@ def mixture(x: Array, P: Array, mu: Array) -> tuple[Array, Array]:
     """One state ``(6, n)`` and covariance ``(24, n)`` from three models: moments of the mixture."""
     mean = np.einsum("cin,in->cn", x, mu)
     P_mean = np.einsum("cin,in->cn", P, mu)
+    product = np.empty_like(P_mean)
     for i in range(MODELS):
-        d = x[:, i] - mean
-        P_mean += mu[i] * d[_I] * d[_J]
+        P_mean += mu[i] * kalman.outer(x[:, i] - mean, product)
     return mean, P_mean
 
 

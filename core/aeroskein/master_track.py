@@ -75,7 +75,7 @@ class MasterChoice:
             silent = first - last[:, s] > self._silent_after_s[s]
             run[:, s] = np.where(more > 0, np.where(silent, 0, run[:, s]) + more, run[:, s])
             last[:, s] = np.maximum(last[:, s], np.where(of_sensor, time_s, -np.inf).max(axis=0, initial=-np.inf))
-            mean = (trace_m2 * of_sensor).sum(axis=0) / np.maximum(count, 1)
+            mean = np.where(of_sensor, trace_m2, 0.0).sum(axis=0) / np.maximum(count, 1)
             trace[:, s] = np.where(count > 0, mean, trace[:, s])
         self.last_s[slots], self.run[slots], self.trace_m2[slots] = last, np.minimum(run, 1000), trace
         alive = end_s[:, None] - last <= self._silent_after_s

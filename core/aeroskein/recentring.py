@@ -17,6 +17,7 @@ from aeroskein.manoeuvre import MODELS
 from aeroskein.measurements import COLUMNS
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Ints
+from aeroskein.rings import Rings
 
 __all__ = ["recentre"]
 
@@ -81,7 +82,7 @@ def _move_elements(elements: ElementTable, slots: Ints, old: Array, new: Array, 
     elements.states[slots] = states.T
 
 
-def _move_reports(rings: Array, slots: Ints, old: Array, new: Array, turn: Array) -> None:
+def _move_reports(rings: Rings, slots: Ints, old: Array, new: Array, turn: Array) -> None:
     rows = rings[slots]
     depth = rows.shape[1]
     old, new, turn = (np.repeat(a, depth, axis=0) for a in (old, new, turn))

@@ -13,8 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.measurements import COLUMN_COUNT, COLUMNS
+from aeroskein.measurements import COLUMNS
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.rings import Rings
 
 __all__ = ["CENTRE", "FOUNDING", "NOTHING", "REPORT", "SETTLED", "Window", "gather"]
 
@@ -78,20 +79,22 @@ def _missing(name: str) -> Array:
     raise AttributeError(name)
 
 
-def gather(rows: Array, from_s: Array, until_s: Array, centre_s: Array, settled_s: Array) -> Window:
+def gather(rings: Rings, slots: Ints, from_s: Array, until_s: Array, centre_s: Array, settled_s: Array) -> Window:
     """Take the reports with ``from_s <= time <= until_s``, add the marks, and sort.
 
     Parameters
     ----------
-    rows : (n, depth, COLUMN_COUNT) array
-        Ring contents of the closing tracks.
+    rings : Rings
+        The buffered reports of all tracks.
+    slots : (n,) int64
+        The closing tracks.
     from_s, until_s : (n,) arrays
         The window; reports at its very start are founding ones. [s since the epoch]
     centre_s, settled_s : (n,) arrays
         The marks; where they coincide there is one mark, ``CENTRE``. [s since the epoch]
     """
-    n = len(rows)
-    times = rows[:, :, TIME]
+    n = len(slots)
+    times = rings.time_s[slots]
     inside = (times >= from_s[:, None]) & (times <= until_s[:, None]) & np.isfinite(times)
     # Marks go last, so that a report at the very instant of a mark comes before it (the sort is stable).
     marks = np.stack([centre_s, np.where(settled_s == centre_s, np.inf, settled_s)], axis=1)
@@ -101,11 +104,10 @@ def gather(rows: Array, from_s: Array, until_s: Array, centre_s: Array, settled_
     lanes = np.argsort(-count, kind="stable")
     K = int(count.max()) if n else 0
     order, count, keys = order[lanes, :K], count[lanes], keys[lanes]
-    depth = rows.shape[1]
-    packed = np.empty((n, K, COLUMN_COUNT))
+    depth = times.shape[1]
     is_mark = order >= depth
     place = np.minimum(order, depth - 1)
-    packed[...] = rows[lanes[:, None], place]
+    packed = rings[slots[lanes][:, None], place]
     packed[:, :, TIME] = np.minimum(np.take_along_axis(keys, order, axis=1), NEVER_S)
     kind = np.where(packed[:, :, TIME] > from_s[lanes, None], np.int8(REPORT), np.int8(FOUNDING))
     kind[is_mark] = CENTRE + (order[is_mark] - depth)

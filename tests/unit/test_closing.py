@@ -45,10 +45,10 @@ def turning_flight(seed: int, seconds: int = 60) -> Measurements:
 class Table:
     """An element table, with the rings beside it, for tracks that all begin with their first report."""
 
-    def __init__(self, *tracks: Measurements, **fusion: float) -> None:
+    def __init__(self, *tracks: Measurements, room: int = 0, **fusion: float) -> None:
         sensors = (ADSB, RADAR1, RADAR2)
         self.elements = ElementTable(engine_settings(*sensors, **fusion), len(tracks))
-        self.buffers = ReportBuffers(len(tracks), max(len(t) for t in tracks))
+        self.buffers = ReportBuffers(len(tracks), room + max(len(t) for t in tracks), np.float64)
         slots = np.arange(len(tracks))
         for slot, track in enumerate(tracks):
             track.slot[:] = slot
@@ -237,14 +237,12 @@ def test_late_reports_count_as_if_they_had_come_in_time_until_their_time_is_sett
     track = turning_flight(6)
     late = np.array([5, 9])
     rest = np.setdiff1d(np.arange(len(track)), late)
-    in_time, patient = Table(track), Table(track.take(rest))
+    in_time, patient = Table(track), Table(track.take(rest), room=2)
     patient.close(), in_time.close()
     settled = patient.elements.settled_s[0]
     assert (track.time_s[late] > settled).all()
 
-    patient.buffers.grow(2)
-    patient.buffers.rows = np.concatenate([patient.buffers.rows, np.full((2, 4, 19), -np.inf)], axis=1)
-    patient.buffers.rows[0, -2:] = track.take(late).packed()
+    assert patient.buffers.add(track.take(late), np.full(2, -np.inf)).all()
 
     for _ in range(3):
         one, other = in_time.close(), patient.close()

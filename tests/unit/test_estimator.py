@@ -17,6 +17,7 @@ from aeroskein.closed import Estimate
 from aeroskein.estimator import estimate
 from aeroskein.gating import GateMemory
 from aeroskein.reasons import Reason
+from aeroskein.rings import Rings
 from aeroskein.windows import REPORT, Window, gather
 
 NAN = np.nan
@@ -54,7 +55,7 @@ def start(speed_mps: float = 200.0) -> Start:
 
 def window_of(lanes: list[list[Report]], settled: float, until: float, centre: float, next_settled: float) -> Window:
     """The reports of several aircraft, one list each."""
-    buffers = ReportBuffers(len(lanes), max(8, *(len(lane) for lane in lanes)))
+    buffers = ReportBuffers(len(lanes), max(8, *(len(lane) for lane in lanes)), np.float64)
     for slot, lane in enumerate(lanes):
         if lane:
             c = np.array([(*r.z, *r.R, *r.v, r.rv, r.tv, r.sensor, r.time_s) for r in lane]).T
@@ -64,7 +65,7 @@ def window_of(lanes: list[list[Report]], settled: float, until: float, centre: f
             )  # fmt: skip
             assert buffers.add(reports, np.full(len(lane), -np.inf)).all()
     n = len(lanes)
-    return gather(buffers.rows, *(np.full(n, v) for v in (settled, until, centre, next_settled)))
+    return gather(buffers.rows, np.arange(n), *(np.full(n, v) for v in (settled, until, centre, next_settled)))
 
 
 def run(
@@ -359,7 +360,7 @@ def test_it_is_not_believed_against_a_source_at_least_as_good() -> None:
 
 
 def test_nothing_to_close_is_nothing() -> None:
-    window = gather(np.zeros((0, 8, 19)), *(np.zeros(0) for _ in range(4)))
+    window = gather(Rings(0, 8), np.arange(0), *(np.zeros(0) for _ in range(4)))
 
     e = estimate(
         window, np.zeros((0, 0)), np.zeros((6, 0)), np.zeros((24, 0)), np.zeros(0), GateMemory.empty(0, SENSORS)

@@ -34,14 +34,14 @@ def modes(mode: str, **patent: object) -> EngineSettings:
 
 def closed(rows: list[Row], x: tuple[float, ...] = EAST, refused: tuple[int, ...] = (), **columns: object) -> Closed:
     """An element from 100 to 104 s; reports in order of time, those of the given numbers refused as outliers."""
-    buffers = ReportBuffers(1, max(8, len(rows)))
+    buffers = ReportBuffers(1, max(8, len(rows)), np.float64)
     rows = sorted(rows)
     if rows:
         t, e, n = np.array(rows).T
         made = measurements(len(rows), **({"time_s": t, "east_m": e, "north_m": n} | columns))
         assert buffers.add(made, np.full(len(rows), -np.inf)).all()
     centre = np.array([CENTRE_S])
-    window = gather(buffers.rows, np.array([90.0]), np.array([110.0]), centre, centre)
+    window = gather(buffers.rows, np.arange(1), np.array([90.0]), np.array([110.0]), centre, centre)
     reason = np.zeros(window.kind.shape, dtype=np.uint8)
     reports = np.flatnonzero(window.kind[:, 0] == REPORT)
     reason[reports[list(refused)], 0] = Reason.OUTLIER

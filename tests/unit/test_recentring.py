@@ -32,12 +32,13 @@ def drive_in_a_far_plane() -> tuple[Drive, np.ndarray]:
     row = state.elements.states[slots].T.copy()
     moved(row[:6], row[6:], old, new)
     state.elements.states[slots] = row.T
-    ring = state.buffers.rows[0]
+    ring = state.buffers.rows[slots][0]
     at = np.flatnonzero(np.isfinite(ring[:, 0]))
     e, n, turn = geodesy.move_frame(old, new, ring[at, EAST], ring[at, NORTH])
     ring[at, EAST], ring[at, NORTH] = e, n
     ring[at[:, None], V] = np.einsum("nij,nj->ni", turn, ring[at[:, None], V])
     ring[at[:, None], R] = geodesy.rotate_covariance(turn, ring[at[:, None], R])
+    state.buffers.rows[slots] = ring[None]
     return drive, old
 
 
@@ -54,7 +55,8 @@ def seen(drive: Drive) -> tuple[np.ndarray, ...]:
     """Where the first track's reports, live state and settled state are on the globe."""
     state = drive.engine._state
     frames = state.frames.rows[state.tracks.frame[[0]]]
-    ring = state.buffers.rows[0][np.isfinite(state.buffers.rows[0, :, 0])]
+    ring = state.buffers.rows[np.array([0])][0]
+    ring = ring[np.isfinite(ring[:, 0])]
     bank = state.live.bank.rows[0]
     settled = state.elements.states[0]
     return (
@@ -73,7 +75,9 @@ def test_nothing_moves_on_the_globe() -> None:
     assert slots.tolist() == [0]
     for k in range(0, 6, 2):
         after = seen(drive)
-        assert distance_m(before[k], before[k + 1], after[k], after[k + 1]).max() < 1e-5
+        assert distance_m(before[k], before[k + 1], after[k], after[k + 1]).max() < (
+            0.01 if k == 0 else 1e-5
+        )  # rings round
 
 
 def test_the_new_plane_is_the_nearest() -> None:
@@ -102,7 +106,8 @@ def test_covariances_and_velocities_turn_with_the_plane() -> None:
     # There and back again; the Jacobian is that of the live state's place, the same for reports some kilometres off.
     np.testing.assert_allclose(one.live.bank.rows[0], other.live.bank.rows[0], rtol=1e-4, atol=1e-3)
     np.testing.assert_allclose(one.elements.states[0], other.elements.states[0], rtol=1e-4, atol=2e-3)
-    np.testing.assert_allclose(one.buffers.rows[0], other.buffers.rows[0], rtol=1e-4, atol=1e-3)
+    rings = [engine.buffers.rows[np.array([0])] for engine in (one, other)]
+    np.testing.assert_allclose(*rings, rtol=1e-4, atol=5e-3)
 
 
 def test_accelerations_turn_too() -> None:

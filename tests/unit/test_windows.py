@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from tests.builders import measurements
 
 from aeroskein.buffers import ReportBuffers
-from aeroskein.measurements import COLUMNS
+from aeroskein.rings import Rings
 from aeroskein.windows import CENTRE, FOUNDING, NOTHING, REPORT, SETTLED, Window, gather
 
 EVERYTHING = (-np.inf, np.inf)
 
 
-def rings(*times: list[float], depth: int = 8) -> np.ndarray:
+def rings(*times: list[float], depth: int = 8) -> Rings:
     """Ring contents of one track per list; the sensor column says in which place a report was put."""
     buffers = ReportBuffers(len(times), depth)
     for slot, of_track in enumerate(times):
@@ -25,10 +25,10 @@ def rings(*times: list[float], depth: int = 8) -> np.ndarray:
 
 
 def gathered(
-    rows: np.ndarray, centre: float, settled: float, begin: float = EVERYTHING[0], until: float = EVERYTHING[1]
+    rows: Rings, centre: float, settled: float, begin: float = EVERYTHING[0], until: float = EVERYTHING[1]
 ) -> Window:
     n = len(rows)
-    return gather(rows, *(np.full(n, value) for value in (begin, until, centre, settled)))
+    return gather(rows, np.arange(n), *(np.full(n, value) for value in (begin, until, centre, settled)))
 
 
 def told(window: Window, lane: int) -> list[tuple[int, float]]:
@@ -112,7 +112,7 @@ def test_columns_have_names_and_others_do_not_exist() -> None:
 
 
 def test_no_tracks_make_no_events() -> None:
-    window = gathered(np.zeros((0, 8, len(COLUMNS))), centre=1.0, settled=1.0)
+    window = gathered(Rings(0, 8), centre=1.0, settled=1.0)
 
     assert window.active == []
     assert window.kind.shape == (0, 0)
