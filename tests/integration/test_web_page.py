@@ -74,8 +74,8 @@ def page(tab):
 
 
 def settled(shown: Page) -> Page:
-    """Wait until everybody is there and confirmed."""
-    shown.wait(f"__view.count === {len(FLEET)} && __view.tracks.every((t) => __view.track(t).status === 1)")
+    """Wait until everybody is there and no longer tentative."""
+    shown.wait(f"__view.count === {len(FLEET)} && __view.tracks.every((t) => __view.track(t).status > 0)")
     return shown
 
 
@@ -186,7 +186,7 @@ def test_filters_dim_and_never_hide(page):
         ("bbox=40,8.98,60,9.27", 6),
         ("sensor=adsb", 100),
         ("sensor=radar1", 0),
-        ("status=coasting", 0),
+        ("status=tentative", 0),
         ("q=SKN00", 10),
         ("emergency=1", 0),
         (f"sel={FLEET[5]}&isolate=1", 1),
@@ -239,6 +239,8 @@ def test_element_view_shows_elements_with_their_reports_and_points(page):
     assert drawn["divisions"] == drawn["elements"] + 1 == drawn["points"] + 1
     assert drawn["boundaries"] == 2 * drawn["elements"]
     assert drawn["ellipses"] == drawn["points"] + 1
+    # Every step of the story has its number in the drawing, except what is not there: nothing was refused
+    assert drawn["badges"] == shown.get("document.querySelectorAll('#elements .story li').length") - 1
     assert (drawn["live"], drawn["rejected"]) == (1, 0)
     assert drawn["accepted"] == pytest.approx(2 * drawn["elements"], abs=2)
     assert 0.0 < numbers["sigma"] < 30.0

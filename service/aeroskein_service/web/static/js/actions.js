@@ -2,7 +2,7 @@
 
 const VECTORS = [0, 60, 120, 300];
 const COLOURS = ["source", "altitude", "accuracy", "age"];
-const TRAILS = ["none", "selected", "all"];
+const TRAILS = ["auto", "none", "selected", "all"];
 const CLOSE_ZOOM = 9;
 const STEP_S = 10;
 
@@ -55,6 +55,12 @@ export function makeActions({ settings, view, stage, link, state }) {
       if (row < 0) return;
       state.placed = true;
       view.lookAt(stage.traffic.frame.lat(row), stage.traffic.frame.lon(row));
+    },
+
+    // The map beside the elements shows where they are.
+    elementsPlace() {
+      const row = stage.traffic.frame.find(settings.primary);
+      if (row >= 0) view.lookAt(stage.traffic.frame.lat(row), stage.traffic.frame.lon(row), Math.max(view.zoom, CLOSE_ZOOM));
     },
 
     toggleElements() {

@@ -12,7 +12,7 @@ export function tickStep(span, many) {
   return ([1, 2, 5].find((k) => k * power >= raw) ?? 10) * power;
 }
 
-function range(values, fromZero) {
+function extent(values) {
   let low = Infinity, high = -Infinity;
   for (const list of values) {
     for (const v of list) {
@@ -21,8 +21,14 @@ function range(values, fromZero) {
       if (v > high) high = v;
     }
   }
+  return low < Infinity ? [low, high] : null;
+}
+
+// The extent with some room above and below.
+function range(values, fromZero) {
+  let [low, high] = extent(values) ?? [NaN, NaN];
+  if (!Number.isFinite(low)) return null;
   if (fromZero) low = Math.min(low, 0);
-  if (!(low < Infinity)) return null;
   const spare = Math.max((high - low) * 0.08, Math.abs(high) * 1e-6, 1e-9);
   return high - low < 1e-9 ? [low - Math.max(Math.abs(low) * 0.05, 0.5), high + Math.max(Math.abs(high) * 0.05, 0.5)] : [fromZero && low === 0 ? 0 : low - spare, high + spare];
 }
@@ -32,7 +38,7 @@ function range(values, fromZero) {
 export function drawChart(canvas, colours, content) {
   const { context, width, height } = fitCanvas(canvas);
   const { series = [], bands = [] } = content;
-  const xs = content.times ?? range([...series, ...bands].map((s) => s.x), false);
+  const xs = content.times ?? extent([...series, ...bands].map((s) => s.x));
   const ys = content.values ?? range([...series.map((s) => s.y), ...bands.flatMap((b) => [b.low, b.high])], content.fromZero);
   if (!xs || !ys || width < 80) {
     context.fillStyle = colours.faint;

@@ -30,8 +30,8 @@ export function themeColours() {
 }
 
 // A colour for a sensor, the same everywhere: ADS-B and its like in blues, radars in greens and ochres.
-const SENSOR_DARK = { other: ["#56b4e9", "#9fd6ff", "#7f9cff"], radar: ["#3ddc97", "#f0c808", "#ff9f6b", "#c7a6ff", "#8ee0d0"] };
-const SENSOR_LIGHT = { other: ["#0062a8", "#3f51b5", "#006d8f"], radar: ["#00734d", "#8a5a00", "#a8400f", "#6a3fb5", "#00696b"] };
+const SENSOR_DARK = { other: ["#56b4e9", "#9fd6ff", "#7f9cff"], radar: ["#3ddc97", "#ff9f6b", "#c7a6ff", "#8ee0d0", "#f0c808"] };
+const SENSOR_LIGHT = { other: ["#0062a8", "#3f51b5", "#006d8f"], radar: ["#00734d", "#a8400f", "#00696b", "#8a5a00", "#6a3fb5"] };
 
 export function sensorColour(sensors, id, dark) {
   const sensor = sensors.find((s) => s.id === id);

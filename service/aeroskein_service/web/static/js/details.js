@@ -102,7 +102,7 @@ export class Details {
       h("button", { type: "button", "data-key": key, "aria-pressed": String(on), onclick: press, title }, text);
     return h(
       "div", { class: "row" },
-      button("elements", "Elements", settings.view === "elements", () => this._actions.toggleElements(), "How this position was made (e)"),
+      button("elements", "How it is made", settings.view === "elements", () => this._actions.toggleElements(), "The elements, reports and fused points behind this position (e)"),
       button("follow", "Follow", settings.follow, () => settings.toggle("follow"), "Keep it in the middle of the map (o)"),
       button("isolate", "Isolate", settings.isolate, () => settings.toggle("isolate"), "Dim all others (i)"),
     );

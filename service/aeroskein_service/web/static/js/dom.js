@@ -33,8 +33,20 @@ export function panelHead(title, close) {
   return h("h2", {}, title, h("button", { class: "close", type: "button", "aria-label": `Close ${title}`, onclick: close }, "Close"));
 }
 
-// Replace what an element holds, keeping the focus where it was if that part is still there (by data-key).
+let pressed = null; // what the pointer is held down on
+document.addEventListener("pointerdown", (event) => (pressed = event.target), true);
+for (const end of ["pointerup", "pointercancel"]) document.addEventListener(end, () => setTimeout(() => (pressed = null)), true);
+
+// Whether the user is about to click something in an element, or has marked text in it.
+function inHand(element) {
+  const marked = getSelection();
+  return (pressed && element.contains(pressed)) || (marked && !marked.isCollapsed && element.contains(marked.anchorNode));
+}
+
+// Replace what an element holds, keeping the focus where it was if that part is still there (by data-key). What the user
+// has in hand stays as it is until the next time.
 export function refill(element, ...children) {
+  if (inHand(element)) return;
   const key = document.activeElement && element.contains(document.activeElement) ? document.activeElement.dataset.key : null;
   const scroll = element.scrollTop;
   element.replaceChildren(...children.flat());

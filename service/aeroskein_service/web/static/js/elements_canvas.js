@@ -4,6 +4,7 @@
 // sensor (refused ones crossed out), fused points with their ellipses, what is not closed yet, the live state. `emphasis`
 // names one of these; the others are then drawn faintly.
 
+import { drawBadges } from "./elements_badges.js";
 import { ellipseOutline } from "./elements_data.js";
 import { fitCanvas } from "./dom.js";
 import { clock, metres, reason } from "./format.js";
@@ -28,7 +29,7 @@ export class ElementsCanvas {
     this._sensorColour = sensorColour;
     this._emphasis = emphasis;
     this._things = [];
-    this.drawn = { elements: 0, divisions: 0, boundaries: 0, accepted: 0, rejected: 0, points: 0, ellipses: 0, waiting: 0, live: 0 };
+    this.drawn = { elements: 0, divisions: 0, boundaries: 0, accepted: 0, rejected: 0, points: 0, ellipses: 0, waiting: 0, live: 0, badges: 0 };
     if (!scene) return;
     this.view.fit(scene, width, height);
     this._scales(scene);
@@ -47,6 +48,7 @@ export class ElementsCanvas {
     for (const element of scene.elements) this._point(element);
     this._live(scene);
     context.restore();
+    this.drawn.badges = drawBadges(context, scene, this.view, chosen, colours, (kind) => this._faint(kind));
   }
 
   _faint(kind) {
@@ -80,7 +82,7 @@ export class ElementsCanvas {
     c.strokeStyle = this._colours.faint;
     this._line([[right - px, bottom + 16], [right - px, bottom + 21], [right, bottom + 21], [right, bottom + 16]]);
     c.textAlign = "right";
-    c.fillText(`${length >= 1000 ? `${length / 1000} km` : `${length} m`} along`, right - px - 6, bottom + 22);
+    c.fillText(`${length >= 1000 ? `${length / 1000} km` : `${length} m`}${view.strip ? " along" : ""}`, right - px - 6, bottom + 22);
     c.textAlign = "left";
   }
 
@@ -216,7 +218,7 @@ export class ElementsCanvas {
     this._faint("points");
     this._ellipse(element.point, this._colours.ellipse, SIGMAS);
     c.fillStyle = this._colours.ellipse;
-    diamond(c, x, y, 4.5);
+    diamond(c, x, y, 5.5);
     c.fill();
     this.drawn.points += 1;
     this._things.push({ kind: "point", element, x, y });

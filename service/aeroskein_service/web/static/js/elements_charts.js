@@ -4,7 +4,7 @@ import { drawChart } from "./charts.js";
 import { fitCanvas, h } from "./dom.js";
 import { clock, feet, knots } from "./format.js";
 
-const HEIGHTS = { across: 118, along: 118, altitude: 96, speed: 96, master: 46 };
+const HEIGHTS = { across: 104, along: 104, altitude: 84, speed: 84, master: 44 };
 
 export class ElementsCharts {
   constructor(element, settings) {

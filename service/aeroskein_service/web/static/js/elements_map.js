@@ -4,6 +4,7 @@ import { ellipse, ellipseOutline } from "./elements_data.js";
 import { LocalPlane } from "./projection.js";
 
 const FAR_ZOOM = 9; // from here on an element is some pixels long
+const DIVISIONS_ZOOM = 11; // closer than this their marks do not touch
 const DETAIL_ZOOM = 12;
 
 export class ElementsOnMap {
@@ -35,7 +36,7 @@ export class ElementsOnMap {
       for (const side of element.boundary_lines ?? []) trace(side);
       context.setLineDash([]);
       context.fillStyle = colours.division;
-      for (const [lat, lon] of element.division_points ?? []) {
+      for (const [lat, lon] of view.zoom >= DIVISIONS_ZOOM ? element.division_points ?? [] : []) {
         const [x, y] = view.toScreen(lat, lon);
         context.fillRect(x - 3, y - 3, 6, 6);
       }

@@ -122,9 +122,16 @@ export class ElementsPanel {
     return (elements.find((e) => e.index === this._chosen) ?? elements.at(-1))?.index ?? null;
   }
 
+  // Only the drawing: the story would lose what the pointer rests on.
   _emphasise(kind) {
+    if (kind === (this._emphasis ?? null)) return;
     this._emphasis = kind;
-    this._draw();
+    this._canvas.draw(this._scene, this._look());
+  }
+
+  _look() {
+    const { colours, sensors } = this._stage;
+    return { colours, sensors, sensorColour: (id) => this._colour(id), emphasis: this._emphasis, chosen: this._current() };
   }
 
   _resetView() {
@@ -173,16 +180,14 @@ export class ElementsPanel {
   _draw() {
     if (!this._shown) return;
     const { _stage: stage, _settings: settings } = this;
-    const colours = stage.colours, sensors = stage.sensors;
     const row = stage.traffic.frame.find(settings.primary);
     this._title.textContent = `Elements of ${row >= 0 ? stage.traffic.frame.name(row) : settings.primary}`;
     this._scene = makeScene(this._history, DRAWN_ELEMENTS);
-    const chosen = this._current();
-    const look = { colours, sensorColour: (id) => this._colour(id), sensors, emphasis: this._emphasis, chosen };
+    const look = this._look();
     this._canvas.draw(this._scene, look);
     this._whole = makeScene(this._history, Infinity);
     this._charts.draw(this._whole, this._state.details?.whole?.trail, look);
-    this._story.draw(this._scene, chosen, sensors);
+    this._story.draw(this._scene, look.chosen, look.sensors);
     stage.invalidate();
   }
 

@@ -1,15 +1,18 @@
-// The story beside the drawing: how reports become a position, in six steps with the numbers of the chosen element.
+// The story beside the drawing: how reports become a position, in steps with the numbers of the chosen element.
 //
-// Resting on a step, or focusing it, shows in the drawing what it talks about.
+// The steps are numbered as in the drawing. Resting on a step, or focusing it, shows there what it talks about.
 
+import { numberOf } from "./elements_badges.js";
 import { facts, h, refill } from "./dom.js";
 import { clock, metres, reason } from "./format.js";
 
 export class ElementsStory {
   constructor(element, { emphasise, colour }) {
     this._element = element;
-    this._emphasise = emphasise;
     this._colour = colour;
+    const step = (event) => emphasise(event.target.closest?.("[data-key]")?.dataset.key ?? null);
+    for (const come of ["pointerover", "focusin"]) element.addEventListener(come, step);
+    for (const go of ["pointerleave", "focusout"]) element.addEventListener(go, () => emphasise(null));
   }
 
   draw(scene, chosen, sensors) {
@@ -18,15 +21,13 @@ export class ElementsStory {
       refill(this._element, h("p", { class: "dim" }, "An aircraft gets its first element some seconds after it is confirmed."));
       return;
     }
-    refill(this._element, h("ol", { "aria-label": "How the position is made" }, this._steps(scene, element, sensors)), this._reports(element));
+    refill(this._element, h("p", {}, h("b", {}, "How this position is made. "),
+      h("span", { class: "dim" }, "The numbers stand in the drawing too; rest on a step to see what it means, click an element to read about it.")),
+    h("ol", { "aria-label": "How the position is made" }, this._steps(scene, element, sensors)), this._reports(element));
   }
 
   _step(kind, title, ...text) {
-    return h("li", {
-      tabIndex: 0, "data-key": kind,
-      onmouseenter: () => this._emphasise(kind), onmouseleave: () => this._emphasise(null),
-      onfocus: () => this._emphasise(kind), onblur: () => this._emphasise(null),
-    }, h("b", {}, title), ...text);
+    return h("li", { tabIndex: 0, "data-key": kind, value: numberOf(kind) }, h("i", {}, numberOf(kind)), h("b", {}, title), ...text);
   }
 
   _dot(id) {
@@ -41,25 +42,25 @@ export class ElementsStory {
     const size = (e) => (e ? `one sigma ${e.major.toFixed(1)} m × ${e.minor.toFixed(1)} m` : "no accuracy in this mode");
     const steps = [
       this._step("axis", "Master track", "The most accurate sensor leads: here ", ...(element.master ? [this._dot(element.master), element.master] : ["none, every sensor is silent"]),
-        ". The flight as it says it is, smoothed by all others, is the axis."),
-      this._step("divisions", "Division points", `cut the axis every ${lasts.toFixed(0)} s of flight. The piece between two is a differential element: ${metres(length)}, short enough to be simple.`),
+        ". The flight as it tells it, smoothed with the help of all others, is the axis."),
+      this._step("divisions", "Division points", `cut the axis every ${lasts.toFixed(0)} s of flight. A piece between two is a differential element: here ${metres(length)}, short enough to be treated as simple.`),
     ];
     if (Number.isFinite(element.halfWidth)) {
-      steps.push(this._step("boundaries", "Boundary lines", `run beside it, ${metres(element.halfWidth)} to each side: as far as the errors of the reports in it can reach. What lies outside belongs to something else.`));
+      steps.push(this._step("boundaries", "Boundary lines", `run ${metres(element.halfWidth)} to each side: as far as the errors of the reports in it can reach. What lies outside belongs to something else.`));
     }
     steps.push(
-      this._step("reports", "Reports", `${accepted.length} were accepted in this element: `, ...perSensor.flatMap(([id, n]) => [this._dot(id), `${id} ${n}  `]),
-        ...(perSensor.length ? [] : ["none; its point is predicted"]), ". Radars are corrected by their registration first."),
-      this._step("rejected", "Refused", refused.length ? `${refused.length} in this element: ${[...new Set(refused.map((r) => reason(r.reason)))].join(", ")}.` : "None in this element. A report that does not fit is crossed out, with its reason."),
+      this._step("reports", "Reports", perSensor.length ? `${accepted.length} are accepted in this element: ` : "None is accepted in this element; its point is predicted",
+        ...perSensor.flatMap(([id, n], k) => [k ? ", " : "", this._dot(id), `${n} of ${id}`]), ". Radars are corrected by their registration first."),
+      this._step("rejected", "Refused", refused.length ? `${refused.length} in this element: ${[...new Set(refused.map((r) => reason(r.reason)))].join(", ")}.` : "None in this element. A report that does not fit is crossed out, with its reason, and not used."),
     );
     if (point) {
-      steps.push(this._step("points", "Fused point", `All accepted reports, each weighted by its accuracy and moved to the element's centre, make one point: ${size(point.ellipse)}. Better than any of them alone.`));
+      steps.push(this._step("points", "Fused point", `All accepted reports, each moved along the flight to the middle of the element and weighted by its accuracy, make one point. Its ellipse says how good it is: ${size(point.ellipse)}.`));
     }
     if (live) {
       const ahead = live.time_s - element.span[1];
-      steps.push(this._step("live", "Live state", `Elements wait ${Math.max(ahead, 0).toFixed(0)} s for late reports. The live state does not: it runs ahead without delay, with ${size(live.ellipse)}.`));
+      steps.push(this._step("live", "Live state", `Elements wait some seconds for late reports, here ${Math.max(ahead, 0).toFixed(0)} s. The live state does not: it is what the map shows, at once, with ${size(live.ellipse)}.`));
     }
-    if (scene.waiting.length) steps.push(this._step("waiting", "Not closed yet", `${scene.waiting.length} reports (hollow) wait for their element to be closed.`));
+    if (scene.waiting.length) steps.push(this._step("waiting", "Not closed yet", `${scene.waiting.length} reports (hollow) belong to elements that are still open; the live state has used them already.`));
     return steps;
   }
 

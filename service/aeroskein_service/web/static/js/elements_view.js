@@ -2,7 +2,8 @@
 
 const LEFT = 56, RIGHT = 24, TOP = 26, BOTTOM = 30; // px
 const STRETCH_M = 12; // across the axis: about even up to here, then ever closer together
-const WINDOW_ELEMENTS = 7; // shown at first, besides what is ahead of them
+const WINDOW_ELEMENTS = 7; // shown at first in the strip, besides what is ahead of them
+const PLAN_ELEMENTS = 3; // the same in the plan
 
 export class ElementsView {
   constructor() {
@@ -32,7 +33,7 @@ export class ElementsView {
     }
     for (const report of waiting) widest = Math.max(widest, Math.abs(report.across));
     this._widest = widest * 1.12;
-    const shown = [...elements.slice(-WINDOW_ELEMENTS).flatMap((e) => e.line.axis), ...(live ? [live.at] : [])];
+    const shown = [...elements.slice(-PLAN_ELEMENTS).flatMap((e) => e.line.axis), ...(live ? [live.at] : [])];
     const xs = shown.map((p) => p[0]), ys = shown.map((p) => p[1]);
     const span = Math.max(Math.max(...xs) - Math.min(...xs), (Math.max(...ys) - Math.min(...ys)) * (width / Math.max(height, 1)), 400);
     this._centre = [(Math.max(...xs) + Math.min(...xs)) / 2 + this.offset[0], (Math.max(...ys) + Math.min(...ys)) / 2 + this.offset[1]];

@@ -33,7 +33,8 @@ export function speed(mps, settings, unit = true) {
 export function verticalRate(mps, settings) {
   if (!Number.isFinite(mps)) return "---";
   if (settings.units === "metric") return `${signed(mps, 1)} m/s`;
-  return `${signed(Math.round((mps / FOOT) * 60 / 50) * 50, 0)} ft/min`;
+  const rate = Math.round((mps / FOOT) * 60 / 50) * 50;
+  return `${rate === 0 ? "0" : signed(rate, 0)} ft/min`;
 }
 
 export function distance(m, settings) {

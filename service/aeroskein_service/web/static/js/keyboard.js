@@ -5,7 +5,7 @@ export const KEYS = [
   ["e", "elements of the selected aircraft"], ["o", "follow it"], ["i", "isolate it"],
   ["arrows", "move the map"], ["+  −", "zoom"], ["0", "show all traffic"], ["m", "measure from the map's centre or the selected aircraft"],
   ["t", "table"], ["s", "sensors"], ["f", "filters"], ["d", "display"], ["?", "this help"],
-  ["l", "labels: none, short, full"], ["v", "speed vector: none, 1, 2, 5 min"], ["h", "trails: none, selected, all"],
+  ["l", "labels: none, short, full"], ["v", "speed vector: none, 1, 2, 5 min"], ["h", "trails: by number, none, selected, all"],
   ["c", "colour: source, altitude, accuracy, age"], ["g", "grid"], ["r", "range rings"], ["x", "dark or light"],
   ["space", "replay: play or pause"], [",  .", "replay: back, on by 10 s"],
 ];

@@ -1,7 +1,7 @@
 // Data blocks beside the symbols, with leader lines, placed so that they cover neither symbols nor each other.
 //
 // Greedy, most important first: selected, emergency, then those that had a place before, so that labels do not jump. A
-// block that finds no free place of sixteen is left out; the symbol never is. An emergency is always written.
+// block that finds no free place is left out; the symbol never is. An emergency is always written.
 
 import { knots, level, speed, trend } from "./format.js";
 
@@ -10,6 +10,7 @@ const CHAR_PX = 7.23; // of that font
 const LINE_PX = 14;
 const NEAR_PX = 14; // from the symbol to the block
 const FAR_PX = 44;
+const FARTHEST_PX = 66;
 const CELL_PX = 7; // of the raster that finds free places
 const EDGE = 12; // cells beyond the edge of the screen
 const TRIES = 4; // aircraft that may be tried for each label that may be drawn
@@ -17,7 +18,7 @@ const VEIL = 0.6;
 // Directions tried: right up first, as controllers are used to.
 const AROUND = [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]];
 // Near the symbol, then farther off with a longer leader line. [side, up or down, px]
-const DIRECTIONS = [NEAR_PX, FAR_PX].flatMap((away) => AROUND.map(([h, v]) => [h, v, away]));
+const DIRECTIONS = [NEAR_PX, FAR_PX, FARTHEST_PX].flatMap((away) => AROUND.map(([h, v]) => [h, v, away]));
 const EMERGENCY_WORDS = { 0o7500: "HIJACK", 0o7600: "RADIO", 0o7700: "EMERGENCY" };
 
 export class Labels {
@@ -30,10 +31,11 @@ export class Labels {
     this.wanted = 0;
   }
 
-  // Find places for the labels of this frame. `marked` are rows that come first.
-  place(traffic, view, moved, marked) {
+  // Find places for the labels of this frame. `marked` are rows that come first, `kept` are boxes that stay free.
+  place(traffic, view, moved, marked, kept) {
     const frame = traffic.frame;
     const raster = new Raster(view.width, view.height);
+    for (const [x, y, w, h] of kept) raster.take(x, y, w, h);
     const ranks = this._ranked(traffic, view, moved, marked, raster);
     const places = new Map();
     this._placed = [];
@@ -71,15 +73,22 @@ export class Labels {
     const lines = dataBlock(traffic.frame, row.i, detail, this._settings);
     const width = lines.reduce((most, line) => Math.max(most, line.length), 0) * CHAR_PX, height = lines.length * LINE_PX;
     const before = this._places.get(traffic.frame.number(row.i)) ?? 0;
+    let found = -1;
     for (let k = -1; k < DIRECTIONS.length; k++) {
       const direction = k < 0 ? before : k;
       const offset = blockOffset(direction, width, height);
-      if (raster.free(row.x + offset.x, row.y + offset.y, width, height)) {
-        raster.take(row.x + offset.x, row.y + offset.y, width, height);
-        return { i: row.i, lines, width, height, direction, rank: row.rank };
-      }
+      const left = row.x + offset.x, top = row.y + offset.y;
+      if (!raster.free(left, top, width, height)) continue;
+      if (found < 0) found = direction;
+      // One that the edge of the map would cut is taken only where there is no other.
+      if (!raster.holds(left, top, width, height)) continue;
+      found = direction;
+      break;
     }
-    return row.rank > 1 ? null : { i: row.i, lines, width, height, direction: 0, rank: row.rank };
+    if (found < 0 && row.rank > 1) return null;
+    const direction = Math.max(found, 0), offset = blockOffset(direction, width, height);
+    raster.take(row.x + offset.x, row.y + offset.y, width, height);
+    return { i: row.i, lines, width, height, direction, rank: row.rank };
   }
 
   draw(traffic, view, moved, colours, palette) {
@@ -153,6 +162,8 @@ export function dataBlock(frame, i, detail, settings) {
 // Which cells of the screen are taken.
 class Raster {
   constructor(width, height) {
+    this._width = width;
+    this._height = height;
     this._columns = Math.ceil(width / CELL_PX) + 2 * EDGE;
     this._rows = Math.ceil(height / CELL_PX) + 2 * EDGE;
     this._taken = new Uint8Array(this._columns * this._rows);
@@ -160,6 +171,11 @@ class Raster {
 
   _column(x) { return Math.max(0, Math.min(this._columns - 1, Math.floor(x / CELL_PX) + EDGE)); }
   _row(y) { return Math.max(0, Math.min(this._rows - 1, Math.floor(y / CELL_PX) + EDGE)); }
+
+  // Whether a box is on the screen as a whole.
+  holds(x, y, w, h) {
+    return x >= 0 && y >= 0 && x + w <= this._width && y + h <= this._height;
+  }
 
   // The place of a symbol.
   mark(x, y) {

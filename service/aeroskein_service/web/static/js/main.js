@@ -84,6 +84,7 @@ function firstLook() {
   if (extent) include((box[0] + box[2]) / 2, (box[1] + box[3]) / 2, 0.5);
   state.placed = Boolean(extent);
   view.fit(...box);
+  if (settings.view === "elements") actions.elementsPlace();
 }
 
 // -- what is drawn ---------------------------------------------------------------------------------------------------
@@ -109,7 +110,8 @@ function afterFrame(frame, now) {
   details.update(now);
   panels.frame(frame, now);
   const box = frame.count < frame.total || frame.total > 1500 ? view.box() : null;
-  if (settings.trail !== "none") stage.trails.refresh(now, settings.trail, settings.trail === "all" ? box ?? view.box() : null, settings.trailtime, actions.at(), () => stage.invalidate());
+  const trails = stage.trailsOf;
+  stage.trails.refresh(now, trails, trails === "all" ? box ?? view.box() : null, settings.trailtime, actions.at(), () => stage.invalidate());
   judge();
 }
 
@@ -165,11 +167,18 @@ settings.onChange((changed) => {
   if (changed.has("units")) drawScale(byId("scale"), view, settings);
   if (changed.has("sel") || changed.has("table") || changed.has("inview")) lookAtView();
   if (changed.has("follow") && settings.follow) actions.follow();
+  if (changed.has("view") && settings.view === "elements") actions.elementsPlace();
+  showHint();
   details.update(performance.now());
   panels.settings(changed);
   const filters = activeFilters(settings);
   byId("filter-count").textContent = filters ? ` (${filters})` : "";
 });
+
+// For newcomers, until they have found out.
+function showHint() {
+  byId("hint").hidden = settings.sel !== "" || settings.panel !== "";
+}
 
 matchMedia("(prefers-color-scheme: light)").addEventListener("change", () => {
   stage.retheme();
@@ -184,4 +193,5 @@ if (!stage.webgl) fault("no WebGL2: aircraft are drawn on a 2D canvas");
 if (settings.zoom !== 0) view.lookAt(settings.lat, settings.lon, settings.zoom);
 stage.base.load("/static/map/world.bin").then(() => stage.invalidate("base"), fault);
 panels.settings(new Set(["panel", "table", "view"]));
+showHint();
 exposeView({ settings, view, stage, link, banner, details, state });

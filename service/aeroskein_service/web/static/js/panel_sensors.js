@@ -8,10 +8,10 @@ import * as format from "./format.js";
 const HISTORY_MS = 5000;
 const STATE_CLASS = { converged: "good", converging: "warn", frozen: "warn", off: "bad" };
 const BIASES = [
-  ["range_bias_m", "range_bias_sigma_m", "Range bias", "m", 1],
-  ["azimuth_bias_deg", "azimuth_bias_sigma_deg", "Azimuth bias", "°", 3],
-  ["time_bias_s", "time_bias_sigma_s", "Time bias", "s", 3],
-  ["range_gain", "range_gain_sigma", "Range gain", "", 6],
+  ["range_bias_m", "range_bias_sigma_m", "Range bias", " m", 1, 1],
+  ["azimuth_bias_deg", "azimuth_bias_sigma_deg", "Azimuth bias", "°", 3, 1],
+  ["time_bias_s", "time_bias_sigma_s", "Time bias", " s", 3, 1],
+  ["range_gain", "range_gain_sigma", "Range gain", " ppm", 0, 1e6],
 ];
 
 export class SensorsPanel {
@@ -78,7 +78,9 @@ export class SensorsPanel {
   }
 
   _registration(state) {
-    const value = ([name, sigma, , unit, decimals]) => (state[name] == null ? null : `${format.signed(state[name], decimals)}${unit ? ` ${unit}` : ""} ± ${state[sigma] == null ? "?" : state[sigma].toFixed(decimals)}`);
+    // A sigma of exactly zero: it is not estimated.
+    const value = ([name, sigma, , unit, decimals, scale]) => (state[name] == null || state[sigma] === 0 ? null
+      : `${format.signed(state[name] * scale, decimals)} ± ${state[sigma] == null ? "?" : (state[sigma] * scale).toFixed(decimals)}${unit}`);
     return [
       ["Registration", h("span", {}, h("span", { class: `chip ${STATE_CLASS[state.state] ?? ""}` }, state.state), ` from ${format.count(state.samples)} plots of ${format.count(state.aircraft)} aircraft`)],
       ...BIASES.map((bias) => [bias[2], value(bias)]),
@@ -91,9 +93,9 @@ export class SensorsPanel {
       if (event.target.open) this._open.add(sensor.id);
       else this._open.delete(sensor.id);
       this._charts();
-    } }, h("summary", {}, "History of the registration"));
+    } }, h("summary", { "data-key": `history-${sensor.id}` }, "History of the registration"));
     for (const [name, , title, unit] of BIASES.slice(0, 3)) {
-      details.append(h("div", { class: "dim" }, `${title}${unit ? ` [${unit}]` : ""}`), h("canvas", { class: "chart", style: { height: "84px" }, "data-sensor": sensor.id, "data-bias": name, role: "img", "aria-label": `${title} of ${sensor.id} over time` }));
+      details.append(h("div", { class: "dim" }, `${title} [${unit.trim()}]`), h("canvas", { class: "chart", style: { height: "84px" }, "data-sensor": sensor.id, "data-bias": name, role: "img", "aria-label": `${title} of ${sensor.id} over time` }));
     }
     return details;
   }
@@ -137,7 +139,7 @@ export class SensorsPanel {
         ["Viewers", words.viewers], ["Feed", `${format.count(words.feed?.points)} points read, ${format.count(words.feed?.broken)} not readable`],
       ]),
       h("h3", {}, "Time of each stage, per report or element"),
-      facts(stages.map(([name, us]) => [name, `${us.toFixed(us < 10 ? 2 : 1)} µs`])),
+      facts(stages.map(([name, us]) => [name, us < 1000 ? `${us.toFixed(us < 10 ? 2 : 0)} µs` : `${(us / 1000).toFixed(1)} ms`])),
       h("h3", {}, "Alarms"),
       service.alarms.length ? h("ul", {}, service.alarms.map((text) => h("li", { class: "warn" }, text))) : h("p", { class: "dim" }, "none"),
     ];

@@ -3,7 +3,7 @@
 // It has rows for what the map's filters let through, 500 at most on the screen; the CSV has them all. "In view" limits it
 // to the map; without it the server sends everything there is.
 
-import { h } from "./dom.js";
+import { h, refill } from "./dom.js";
 import { STATUS } from "./frame.js";
 import * as format from "./format.js";
 import { SOURCE_NAMES } from "./colours.js";
@@ -96,16 +96,14 @@ export class TablePanel {
     const frame = stage.traffic.frame;
     this._rows = this._sorted();
     this._count.textContent = `${this._rows.length}${this._rows.length > ROWS ? `, the first ${ROWS} shown` : ""} of ${frame.total}`;
-    this._head.replaceChildren(...COLUMNS.map(([name, title]) => {
+    refill(this._head, COLUMNS.map(([name, title, , , kind]) => {
       const on = settings.sort === name;
-      return h("th", { scope: "col", "aria-sort": on ? (settings.down ? "descending" : "ascending") : "none" },
+      return h("th", { scope: "col", class: kind, "aria-sort": on ? (settings.down ? "descending" : "ascending") : "none" },
         h("button", { type: "button", "data-key": `sort-${name}`, onclick: () => settings.set({ sort: name, down: on ? !settings.down : false }) },
           `${title}${on ? (settings.down ? " ↓" : " ↑") : ""}`));
     }));
-    const focused = document.activeElement?.dataset?.label;
     const chosen = new Set(settings.selected);
-    this._body.replaceChildren(...this._rows.slice(0, ROWS).map((i) => this._row(frame, i, chosen)));
-    if (focused) this._body.querySelector(`[data-label="${CSS.escape(focused)}"]`)?.focus({ preventScroll: true });
+    refill(this._body, this._rows.slice(0, ROWS).map((i) => this._row(frame, i, chosen)));
   }
 
   _row(frame, i, chosen) {
@@ -114,7 +112,7 @@ export class TablePanel {
       const v = value(frame, i, this._stage.traffic);
       return h("td", { class: kind }, text ? text(v, this._settings) : v);
     });
-    return h("tr", { tabIndex: 0, "data-label": label, "aria-selected": String(chosen.has(label)), class: frame.emergency(i) ? "emergency" : "" }, cells);
+    return h("tr", { tabIndex: 0, "data-label": label, "data-key": `row-${label}`, "aria-selected": String(chosen.has(label)), class: frame.emergency(i) ? "emergency" : "" }, cells);
   }
 
   _press(event) {

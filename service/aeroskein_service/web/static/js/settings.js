@@ -13,7 +13,7 @@ export const DEFAULTS = Object.freeze({
   labels: 2, // 0 none, 1 callsign and level, 2 all
   density: 300, // labels at most
   vector: 60, // s of flight in the speed vector; 0 none
-  trail: "selected", // none | selected | all
+  trail: "auto", // none | selected | all | auto: all of a few aircraft
   trailtime: 120, // s
   smooth: true,
   units: "aero", // aero | metric
@@ -34,7 +34,7 @@ export const DEFAULTS = Object.freeze({
 const CHOICES = {
   theme: ["auto", "dark", "light"],
   color: ["source", "altitude", "accuracy", "age"],
-  trail: ["none", "selected", "all"],
+  trail: ["auto", "none", "selected", "all"],
   units: ["aero", "metric"],
   view: ["map", "elements"],
   frame: ["strip", "plan"],

@@ -3,6 +3,7 @@
 import { NM_M, direct } from "./projection.js";
 
 const CORNERS = 90; // of a ring
+const NAME_PX = 7; // a letter of a radar's name
 const DEFAULT_RANGE_M = 150 * NM_M;
 
 export function drawSites(context, view, sensors, settings, colours) {
@@ -21,6 +22,14 @@ export function drawSites(context, view, sensors, settings, colours) {
     context.font = "12px system-ui, sans-serif";
     context.fillText(sensor.id, x + 9, y + 4);
   }
+}
+
+// Where the radars' symbols and names stand on the screen, as x, y, width, height: data blocks leave them free.
+export function siteBoxes(view, sensors) {
+  return sensors.filter((sensor) => sensor.radar && sensor.lat_deg != null && sensor.lon_deg != null).map((sensor) => {
+    const [x, y] = view.toScreen(sensor.lat_deg, sensor.lon_deg);
+    return [x - 7, y - 7, 18 + NAME_PX * sensor.id.length, 14];
+  });
 }
 
 function drawRings(context, view, sensor, settings, colours) {

@@ -8,6 +8,7 @@ import { TrafficColours, rgb, themeColours } from "./colours.js";
 import { FILTER_SETTINGS, makeFilter } from "./filters.js";
 import { Labels } from "./labels.js";
 import { drawMarks } from "./marks.js";
+import { siteBoxes } from "./sites.js";
 import { Symbols } from "./symbols.js";
 import { FlatSymbols } from "./symbols_flat.js";
 import { Traffic } from "./traffic.js";
@@ -19,6 +20,7 @@ const QUICK_MS = 12; // a base map that took longer is only shifted while the ma
 const PLACE_MS = 900; // between two placings of the labels while only aircraft move
 const FAR_PX = 1e6; // a reference farther off than this costs precision
 const TIMES = 240; // drawing times kept
+const FEW = 300; // aircraft that may all have a trail without being asked for it
 
 export class Stage {
   constructor(view, settings, canvases) {
@@ -175,8 +177,8 @@ export class Stage {
       gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
       gl.clearColor(0, 0, 0, 0);
       gl.clear(gl.COLOR_BUFFER_BIT);
-      if (this._settings.trail !== "none") {
-        this.trails.upload(traffic, traffic.reference, this._settings.trail === "selected" ? this.selectedNumbers() : null, moved);
+      if (this.trailsOf !== "none") {
+        this.trails.upload(traffic, traffic.reference, this.trailsOf === "selected" ? this.selectedNumbers() : null, moved);
         this.trails.draw(view, rgb(this.colours.trail));
       }
       this._symbols.drawVectors(view, traffic.reference, moved, palette.palette, this._settings.vector);
@@ -191,7 +193,7 @@ export class Stage {
     const marked = this.selectedRows();
     if (this.hover >= 0) marked.add(this.hover);
     if (this._dirty.labels || now - this._placedAt > PLACE_MS) {
-      this.labels.place(this.traffic, view, moved, marked);
+      this.labels.place(this.traffic, view, moved, marked, siteBoxes(view, this.sensors));
       this._placedAt = now;
       this.parts.place = performance.now() - now;
     }
@@ -211,6 +213,12 @@ export class Stage {
     if (pixelsPerSecond < STEP_PX) return;
     const wait = Math.max((STEP_PX / pixelsPerSecond) * 1000, STEP_MIN_MS, drawing * 6);
     if (wait < 1000) this._stepTimer = setTimeout(() => this.invalidate(), wait);
+  }
+
+  // Whose trails are shown: "none", "selected" or "all".
+  get trailsOf() {
+    const wanted = this._settings.trail;
+    return wanted !== "auto" ? wanted : this.traffic.frame.total <= FEW ? "all" : "selected";
   }
 
   // -- selection -----------------------------------------------------------------------------------------------------
