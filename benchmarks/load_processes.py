@@ -131,9 +131,8 @@ class Processes:
         """Start one; the service on its processor, others beside it."""
         mine, others = processors()
         command = [sys.executable, "-m", "benchmarks.load_roles", role, self.link, str(self.folder), *arguments]
-        environ = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
         log = (self.folder / f"{role}.log").open("wb")
-        process = subprocess.Popen(command, env=environ, stdout=log, stderr=log)
+        process = subprocess.Popen(command, stdout=log, stderr=log)
         log.close()
         os.sched_setaffinity(process.pid, mine if role == "service" else others)
         self.running[role] = process
