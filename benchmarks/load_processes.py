@@ -210,7 +210,7 @@ def _collect(
         for product in ("live", "element"):
             seen = np.load(folder / f"{consumer}-{product}.npz")
             totals = {name: int(seen[name]) for name in ("tracks", "holes", "backwards", "coasted")}
-            points[f"{consumer} {product}"] = totals | {"points": len(seen["time_s"])}
+            points[f"{consumer} {product}"] = totals | {"points": len(seen["time_s"]) + totals["coasted"]}
     steady = (put_s >= load.warm_up_s) & (put_s < load.steady_end_s)
     lines = (folder / "status.json").read_bytes().splitlines()
     return Seen(

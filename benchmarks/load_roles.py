@@ -85,7 +85,7 @@ class Seen(msgspec.Struct, gc=False):
     track_number: int
     seq: int
     time_s: float
-    flags: list[str]
+    status: str
     address: str | None = None
 
 
@@ -108,8 +108,11 @@ class Tally:
         self.holes += max(point.seq - expected, 0)
         self.backwards += point.seq < expected
         self.next[point.track_number] = point.seq + 1
-        self.coasted += "coasted" in point.flags
-        self.rows.append((point.address, point.time_s, received_s))
+        if point.status in ("coasting", "terminated"):
+            # From no report: no latency.
+            self.coasted += 1
+        else:
+            self.rows.append((point.address, point.time_s, received_s))
 
     def save(self, path: Path) -> None:
         """All points in columns."""

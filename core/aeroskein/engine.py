@@ -144,11 +144,16 @@ class FusionEngine:
             state.elements.wait_s = state.lateness.follow()
         return events
 
-    def finish(self, *, now_s: float) -> list[Event]:
-        """The input has ended: close open elements with what there is."""
-        events = self.advance(now_s=now_s)
+    def finish(self, *, now_s: float, most: int | None = None) -> list[Event]:
+        """The input has ended: close open elements with what there is.
+
+        With ``most``, those of so many tracks: to be called again until it returns no element point.
+        """
+        events = self.advance(now_s=now_s, most=most)
         self._start_elements(math.inf)
-        return events + self._close_rest(np.flatnonzero(self._state.elements.open))
+        elements, tracks = self._state.elements, self._state.tracks
+        left = np.flatnonzero(elements.open & (elements.boundaries_s[:, 0] < tracks.newest_s))
+        return events + self._close_rest(left if most is None else left[:most])
 
     def _terminate(self, now_s: float) -> list[Event]:
         state = self._state

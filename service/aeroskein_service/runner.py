@@ -46,6 +46,7 @@ SNAPSHOT_S: Final = 10.0
 LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
 NO_PLOTS: Final = Plots.of(0)
 DRAIN_S: Final = 1.0  # what is queued at the end is worked on for this long, the rest counts as overload
+FINISH_S: Final = 2.5  # and then open elements are closed for this long
 
 
 class Runner:
@@ -185,7 +186,7 @@ class Runner:
         while more and monotonic() - began_s < max(input_s, SLICE_S):
             start_ns = perf_counter_ns()
             events = self._engine.advance(now_s=self._clock(), most=ELEMENTS)
-            closed = sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
+            closed = _elements(events)
             self._stages.add("advance", perf_counter_ns() - start_ns, closed)
             self._publish(events)
             more = closed >= ELEMENTS
@@ -199,9 +200,19 @@ class Runner:
             self._counters.reject(arrival.sensor, Reason.OVERLOAD)
         for question in self._inbox.questions():
             question.refuse("the service is stopping")
-        now_s = self._clock()
-        self._publish(self._engine.finish(now_s=now_s))
-        self._every_second(now_s, last=True)
+        self._finish()
+        self._every_second(self._clock(), last=True)
+
+    def _finish(self) -> None:
+        """Close what is open, as far as time allows: an end that takes longer is ended by force."""
+        ends_s = monotonic() + FINISH_S
+        closed = 1
+        while closed and monotonic() < ends_s:
+            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS)
+            closed = _elements(events)
+            self._publish(events)
+        if closed:
+            self._log.warning("elements_left_open", why=f"closing them all takes more than {FINISH_S:g} s")
 
     # -- in ------------------------------------------------------------------------------------------------------
     def _decode(self, arrivals: Sequence[Arrival]) -> Plots:
@@ -311,3 +322,8 @@ class Runner:
             "publish_delay_s": self._delay_s,
             "alarms": alarms,
         }
+
+
+def _elements(events: Iterable[Event]) -> int:
+    """How many element points there are."""
+    return sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)

@@ -87,3 +87,26 @@ def test_thinning_ends_when_it_is_told_to() -> None:
 
     assert thinned <= 3
     assert len(drive.live) - thinned == 10
+
+
+def test_the_end_in_parts_gives_the_same_elements_as_the_end_at_once() -> None:
+    at_once, in_parts = Drive.of(engine_settings(*SENSORS)), Drive.of(engine_settings(*SENSORS))
+    plots = scene()[0]
+    at_once.feed(plots, until_s=30.0).finish()
+    in_parts.feed(plots, until_s=30.0)
+
+    parts = 0
+    while True:
+        events = in_parts.engine.finish(now_s=in_parts.now_s, most=3)
+        in_parts.events += events
+        if not any(isinstance(e, FusedPoints) and e.product is Product.ELEMENT for e in events):
+            break
+        parts += 1
+
+    assert parts > 1
+    ends = [
+        sorted(zip(d.elements.track_number.tolist(), d.elements.element.tolist(), d.elements.lat_deg.tolist()))
+        for d in (at_once, in_parts)
+    ]
+    assert [end[:2] for end in ends[0]] == [end[:2] for end in ends[1]]
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
