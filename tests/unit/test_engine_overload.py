@@ -104,9 +104,8 @@ def test_the_end_in_parts_gives_the_same_elements_as_the_end_at_once() -> None:
         parts += 1
 
     assert parts > 1
-    ends = [
-        sorted(zip(d.elements.track_number.tolist(), d.elements.element.tolist(), d.elements.lat_deg.tolist()))
+    one, other = (
+        np.array(sorted(np.stack([d.elements.track_number, d.elements.element, d.elements.lat_deg], axis=1).tolist()))
         for d in (at_once, in_parts)
-    ]
-    assert [end[:2] for end in ends[0]] == [end[:2] for end in ends[1]]
-    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+    )
+    np.testing.assert_allclose(one, other, atol=1e-9, rtol=0.0)

@@ -254,9 +254,11 @@ class Integrity:
         for k, site in self._sites.items():
             self._count_misses(k, slot, current, *polar_of(site, lat_deg, lon_deg, height_m), now_s)
         before = self._belief[slot].copy()
-        _, by_sensor = self._agreement.strength(slot, now_s, ~self._in_doubt)
+        believed = ~self._in_doubt
+        combined, by_sensor = self._agreement.strength(slot, now_s, believed)
         against_all = self._find_doubt(slot, by_sensor)
-        combined, _ = self._agreement.strength(slot, now_s, ~self._in_doubt)
+        if (self._in_doubt == believed).any():  # another radar is in doubt now, or one no longer
+            combined, _ = self._agreement.strength(slot, now_s, ~self._in_doubt)
         wrong = (combined > SUSPECT_SIGMAS) | against_all
         limit = np.where(self._hits[:, slot].sum(axis=0) > 0, MISSED_KNOWN, MISSED_NEW)
         wrong |= self._missed[slot] > limit
