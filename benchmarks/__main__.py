@@ -25,6 +25,10 @@ BENCHMARKS: Final[dict[str, tuple[list[str], list[str]]]] = {
     "integrity": ([], ["--runs", "4", "--hours", "10"]),
     "bench_codec": ([], []),
     "service_load": ([], ["--quick"]),
+    "service_overload": ([], ["--overload", "30000", "--seconds", "15"]),
+    "service_start": ([], ["--starts", "3"]),
+    "service_soak": ([], ["--aircraft", "100"]),
+    "fuse_file": ([], ["--minutes", "1"]),
 }
 
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from aeroskein.geodesy import frame_rows
 from aeroskein.plots import Array, Ints
 from aeroskein.radar_geometry import geodetic_to_radar
+from aeroskein.settings import SensorSettings
 
-__all__ = ["BATCH", "PERIODS_S", "SITES", "Batch", "Fleet", "SensorTraffic", "sensors_toml"]
+__all__ = ["BATCH", "PERIODS_S", "SITES", "Batch", "Fleet", "SensorTraffic", "sensor_settings", "sensors_toml"]
 
 SITES: Final = {"radar1": (48.35, 11.78, 460.0), "radar2": (48.9, 12.9, 600.0)}
 PERIODS_S: Final = {"adsb": 1.0, "radar1": 4.0, "radar2": 8.0}
@@ -37,6 +38,15 @@ def sensors_toml() -> str:
         text += f'[[sensors]]\nid = "{sensor}"\nkind = "ssr"\nperiod_s = {PERIODS_S[sensor]}\n'
         text += f"lat_deg = {lat}\nlon_deg = {lon}\nheight_m = {height}\n"
     return text
+
+
+def sensor_settings() -> tuple[SensorSettings, ...]:
+    """The same sensors for an engine."""
+    radars = (
+        SensorSettings(id=name, kind="ssr", lat_deg=lat, lon_deg=lon, height_m=height, period_s=PERIODS_S[name])
+        for name, (lat, lon, height) in SITES.items()
+    )
+    return (SensorSettings(id="adsb", kind="adsb"), *radars)
 
 
 class Fleet:

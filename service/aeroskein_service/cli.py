@@ -64,14 +64,7 @@ def options(
 
 def _call(command: str, entry: str = "run", **arguments: Any) -> int:
     """Run ``entry`` of ``commands/<command>.py`` and give its exit status; an argument ``_Load`` is loaded first."""
-    name = f"aeroskein_service.commands.{command}"
-    try:
-        module = importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name != name:
-            raise
-        print(f"aeroskein {command}: not built yet", file=sys.stderr)
-        return WRONG_USAGE
+    module = importlib.import_module(f"aeroskein_service.commands.{command}")
     for key, value in arguments.items():
         if isinstance(value, _Load):
             arguments[key] = _loaded(value)
@@ -273,10 +266,9 @@ def record(config: opt.Config, output: opt.Output, duration: opt.Duration = None
 def replay(
     config: opt.Config,
     file: Annotated[Path, typer.Argument(metavar="FILE", exists=True, help="A recording or a report file.")],
-    speed: Annotated[float, typer.Option("--speed", min=0.0, help="Times real time.")] = 1.0,
 ) -> int:
-    """Send recorded reports again, as their sensors."""
-    return _call("replay", config=_Load(config), file=file, speed=speed)
+    """Send recorded reports again, as their sensors, shifted in time to now."""
+    return _call("replay", config=_Load(config), file=file)
 
 
 @app.command()

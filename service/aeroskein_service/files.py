@@ -42,6 +42,7 @@ class FileReport(Report, gc=False):
 
     sensor: str | None = None
     received_s: float | None = None
+    product: str | None = None
 
 
 _DECODER: Final = msgspec.json.Decoder(FileReport)
@@ -115,10 +116,15 @@ class ReportFile:
         The configured sensors, by index.
     chunk_bytes : int
         About how much is decoded at a time; the reports do not depend on it.
+    among_points : bool
+        The file may be a recording: lines with ``product`` are fused points and passed over.
     """
 
-    def __init__(self, path: Path, sensor_ids: Sequence[str], *, chunk_bytes: int = CHUNK_BYTES) -> None:
+    def __init__(
+        self, path: Path, sensor_ids: Sequence[str], *, chunk_bytes: int = CHUNK_BYTES, among_points: bool = False
+    ) -> None:
         self.path = path
+        self._among_points = among_points
         self._index = {sensor: index for index, sensor in enumerate(sensor_ids)}
         self._chunk_bytes = chunk_bytes
         self.notes = FileNotes(np.zeros((len(sensor_ids), len(Reason)), dtype=np.int64))
@@ -175,7 +181,7 @@ class ReportFile:
     def _known(self, reports: list[FileReport], sensors: list[int], numbers: list[int]) -> tuple[Any, list[int]]:
         """Leave out the lines that name no configured sensor."""
         for number, report, sensor in zip(numbers, reports, sensors, strict=True):
-            if sensor < 0:
+            if sensor < 0 and not (self._among_points and report.product is not None):
                 self.notes.lines += 1
                 named = "no sensor" if report.sensor is None else f"sensor {report.sensor[:40]!r}, not configured"
                 self.notes.note(number, f"names {named}")

@@ -48,6 +48,11 @@ class LineWriter:
         if messages:
             self._stream.write(_encode_lines(messages))
 
+    def flush(self) -> None:
+        """Hand everything over to the system, so that it outlives the process."""
+        self._stream.flush()
+        self._raw.flush()
+
     def close(self) -> None:
         """Finish the file; may be called again."""
         self._stream.close()

@@ -115,16 +115,6 @@ def test_wrong_usage_is_one_sentence_and_status_2(arguments, capsys):
     assert len(said.err.strip().splitlines()) == 1 or "Usage:" in said.err
 
 
-def test_command_that_does_not_exist_yet_says_so(monkeypatch, capsys):
-    def load(name: str) -> None:
-        raise ModuleNotFoundError(name=name)
-
-    monkeypatch.setattr(cli.importlib, "import_module", load)
-
-    assert call("demo") == 2
-    assert "not built yet" in capsys.readouterr().err
-
-
 # -- errors --------------------------------------------------------------------------------------------------------
 @pytest.mark.parametrize(
     ("error", "status", "said"),
