@@ -61,7 +61,8 @@ class Step:
 def signed_biases(seed: int) -> Array:
     """The biases of both radars ``(2, 3)``, range and azimuth with random signs."""
     sign = np.random.default_rng(1000 + seed).choice([-1.0, 1.0], size=(2, 2))
-    return BIASES * np.c_[sign, [1.0, 1.0]]
+    biases: Array = BIASES * np.c_[sign, [1.0, 1.0]]
+    return biases
 
 
 def bias_errors(biases: Array) -> tuple[SensorErrors, ...]:

@@ -45,8 +45,8 @@ class Believing:
         """These tracks have new planes."""
         self._integrity.moved(slots)
 
-    def note(self, batch: Batch, reports: Measurements) -> None:
-        """Show a batch of reports, with their tracks, in their planes."""
+    def note(self, batch: Batch, reports: Measurements, unsure: Bools) -> None:
+        """Show a batch of reports, with their tracks, in their planes; unsure ones may be another track's."""
         self._follow_capacity()
         sensor = reports.sensor.astype(np.int64)
         own = np.flatnonzero(self._own_positions[sensor])
@@ -71,10 +71,12 @@ class Believing:
             self._integrity.own(OwnPositions(reports.slot[own], reports.time_s[own], place[own], velocity, covariance))
         seen = np.flatnonzero(~self._own_positions[sensor])
         if len(seen):
+            # A plot that may be a neighbour's says that the track was seen, not where.
+            vague = np.where(unsure[seen], DOUBTED_SIGMA_M**2, 0.0)
             self._integrity.looks(
                 Looks(
                     sensor[seen], reports.slot[seen], reports.time_s[seen], place[seen],
-                    np.stack([reports.r_ee[seen], reports.r_en[seen], reports.r_nn[seen]], axis=1),
+                    np.stack([reports.r_ee[seen] + vague, reports.r_en[seen], reports.r_nn[seen] + vague], axis=1),
                     batch.plots.range_m[seen], batch.plots.azimuth_deg[seen], batch.located.height_m[seen],
                 )
             )  # fmt: skip

@@ -24,6 +24,8 @@ GRID_PERIOD_S: Final = 1.0
 JERK_DENSITY: Final = 1.0
 # One sigma per axis of a velocity that a radar's own tracker reports: it lags in turns. [m/s]
 RADAR_VELOCITY_SIGMA_MPS: Final = 8.0
+# A track's Mode A code is evidence once it was heard so often in a row, or came with an address.
+MODE_A_HEARD: Final = 3
 # Altitudes of one aircraft by two sources may differ by this beyond their noise. [m]
 ALTITUDE_SLACK_M: Final = 30.0
 
@@ -79,6 +81,7 @@ def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints) -> Cand
     sigma = np.hypot(altitude_sigma, np.hypot(state.sensors.altitude_sigma_m[plots.sensor[plot]], ALTITUDE_SLACK_M))
     time_variance = state.sensors.time_sigma_s[plots.sensor[plot]] ** 2
     covariance = noise + P[[0, 1, 7]].T + (time_variance * np.stack([x[2] ** 2, x[2] * x[3], x[3] ** 2])).T
+    code = np.where(tracks.mode_a_heard >= MODE_A_HEARD, tracks.mode_a, -1)
     return Candidates.of(
         plot, tracks.number[slot],
         np.stack([east - x[0], north - x[1]], axis=1), covariance,
@@ -89,7 +92,7 @@ def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints) -> Cand
         ),
         altitude_step_m=step,
         altitude_sigma_m=np.where(np.isfinite(step), sigma, np.nan),
-        mode_a_cost=mode_a_cost(plots.mode_a[plot], tracks.mode_a[slot], tracks.mode_a[tracks.active]),
+        mode_a_cost=mode_a_cost(plots.mode_a[plot], code[slot], code[tracks.active]),
     )  # fmt: skip
 
 

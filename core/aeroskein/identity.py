@@ -43,11 +43,14 @@ class Named:
         Last points under the old key, of tracks that learned their address.
     velocity : (k, 2) float64, slots : (k,) int64
         Tracks that initiation made in this call, with the velocity of their plots. [m/s]
+    unsure : (m,) int64
+        Places in the call of plots that may belong to another track: nothing must be learned from them.
     """
 
     renamed: list[FusedPoints] = field(default_factory=list)
     slots: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     velocity_mps: Array = field(default_factory=lambda: np.zeros((0, 2)))
+    unsure: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 class Identity:
@@ -203,6 +206,7 @@ class Identity:
         won = decision.pair >= 0
         given = slot[decision.pair[won]]
         batch.slot[rows[won]] = given
+        named.unsure = batch.rows[rows[won & ~decision.sure]]
         self._associator.claims.note(sensor[won], given, time_s[won])
         free = np.flatnonzero(~won)
         if len(free):

@@ -59,12 +59,14 @@ class Receiver:
         self._clock.lap("identity", len(rows))
         batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
         reports = self._measured(batch)
+        # Registration compares ranges: what may be another aircraft's has none.
+        reports.range_m[np.isin(batch.rows, named.unsure)] = np.nan
         kept = self._unrepeated(batch, reports, verdicts)
         kept = kept[np.lexsort((batch.plots.time_s[kept], batch.slot[kept]))]
         batch, reports = batch.take(kept), reports.take(kept)
         _give_velocity(reports, named)
         # Before any gate: what a gate refuses may be what contradicts the own positions.
-        self.believing.note(batch, reports)
+        self.believing.note(batch, reports, np.isin(batch.rows, named.unsure))
         self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
         batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)

@@ -42,6 +42,8 @@ class TrackTable:
         self.address = np.full(capacity, -1, dtype=np.int32)
         self.label = np.full(capacity, -1, dtype=np.int32)
         self.mode_a = np.full(capacity, -1, dtype=np.int16)
+        # How often in a row the code was heard; a plot that came to the wrong track must not make it its own.
+        self.mode_a_heard = np.zeros(capacity, dtype=np.uint8)
         self.callsign: NDArray[np.bytes_] = np.zeros(capacity, dtype="S8")
         self.status = np.zeros(capacity, dtype=np.uint8)
         self.flags = np.zeros(capacity, dtype=np.uint16)
@@ -173,7 +175,10 @@ class TrackTable:
         self.newest_s[own] = np.maximum(self.newest_s[own], np.maximum.reduceat(time_s, first))
         np.maximum.at(self.sensor_received_s, (slots, raw.sensor), raw.received_s)
         said = np.flatnonzero(raw.mode_a >= 0)
-        self.mode_a[slots[said]] = raw.mode_a[said]
+        at, code = slots[said], raw.mode_a[said]
+        heard = np.where(self.mode_a[at] == code, np.minimum(self.mode_a_heard[at], 254) + 1, 1)
+        self.mode_a_heard[at] = np.where(raw.address[said] >= 0, 255, heard)
+        self.mode_a[at] = code
         said = np.flatnonzero(raw.callsign != b"")
         self.callsign[slots[said]] = raw.callsign[said]
 

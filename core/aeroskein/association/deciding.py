@@ -2,8 +2,10 @@
 
 A radar that numbers its targets (``local_track``) says which plots of successive scans are one target. For such a
 target the cost of each candidate track is the mean of the last three scans, and an established pairing is given up only
-after another one has been better three scans in a row. Tracks that got a report from the same sensor in this scan are
-taken: a plot without identity never steals a track from a better claimant.
+after another one has been better three scans in a row. Plots of one scan do not arrive together: targets that have not
+been seen yet in this scan take part with what is remembered of them, so that the first to arrive does not take what
+belongs to the next. Tracks that got a report from the same sensor in this scan are taken: a plot without identity never
+steals a track from a better claimant.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ __all__ = ["Claims", "Decision", "PairingMemory"]
 SCANS: Final = 3
 # Two reports of one sensor nearer in time than this share of its period belong to one scan.
 SCAN_SHARE: Final = 0.5
+# A target is expected to be seen again within so many periods.
+EXPECTED_PERIODS: Final = 1.5
 # A sensor's target not seen for this many periods, at least these seconds, is forgotten.
 FORGET_PERIODS: Final = 5.0
 FORGET_MIN_S: Final = 30.0
@@ -40,10 +44,13 @@ class Decision:
         Row of the candidate pair that was chosen, -1 where the plot stays without a track.
     contested : (n,) bool
         Plots without a track that lie in the gate of one all the same: not free to begin a new one at once.
+    sure : (n,) bool
+        Plots whose track was the only one in the gate, or whose pairing is established: fit to learn from.
     """
 
     pair: Ints
     contested: Bools
+    sure: Bools
 
 
 class Claims:
@@ -92,6 +99,7 @@ class PairingMemory:
         self._wins = np.empty(0, dtype=np.int64)
         self._scans = np.empty(0, dtype=np.int64)
         self._seen_s = np.empty(0)
+        self._limit = np.empty(0)
         # One entry per target and candidate: costs of the last scans, newest first, NaN where it was no candidate.
         self._cost_key = np.empty(0, dtype=np.int64)
         self._cost_track = np.empty(0, dtype=np.int64)
@@ -116,29 +124,47 @@ class PairingMemory:
             Pairs whose track has a report of this sensor in this scan.
         """
         n = len(sensor)
-        pool = np.flatnonzero(score.inside & ~taken)
-        plot, track = pairs.plot[pool], pairs.track[pool]
+        pool = np.flatnonzero(score.inside)
+        plot = pairs.plot[pool]
+        # Every sensor sees a track for itself: what is assigned is the track as this sensor sees it.
+        track = pairs.track[pool] * len(self._period_s) + sensor[plot]
         cost, limit = score.cost[pool].copy(), score.limit[pool]
         targets = self._enter(sensor, local_track, time_s)
         if len(targets):
             cost = self._averaged(targets, sensor, local_track, plot, track, cost, limit)
-        chosen = assign(plot, track, cost, limit)
+        # What is taken has been compared and remembered all the same: the next scan may decide otherwise.
+        free = ~taken[pool]
+        pool, plot, track, cost, limit = pool[free], plot[free], track[free], cost[free], limit[free]
+        others = self._expected(sensor, local_track, time_s, track)
+        chosen = assign(*(np.concatenate(both) for both in zip((plot, track, cost, limit), others, strict=True)))
+        reserved = others[1][chosen[len(plot) :]]
+        chosen = chosen[: len(plot)]
         if len(targets):
-            chosen = self._with_hysteresis(targets, sensor, local_track, time_s, plot, track, cost, limit, chosen)
+            chosen = self._with_hysteresis(
+                targets, sensor, local_track, plot, track, cost, limit, chosen, np.isin(track, reserved)
+            )
         pair = np.full(n, _NONE, dtype=np.int64)
         pair[plot[chosen]] = pool[chosen]
-        contested = np.zeros(n, dtype=np.bool_)
-        contested[pairs.plot[score.inside]] = True
-        return Decision(pair, contested & (pair < 0))
+        in_gates = np.bincount(pairs.plot[score.inside], minlength=n)
+        sure = (in_gates == 1) | self._established(sensor, local_track)
+        return Decision(pair, (in_gates > 0) & (pair < 0), sure & (pair >= 0))
 
     def partner(self, sensor: Ints, local_track: Ints) -> Ints:
         """Established track of a sensor's targets, ``(n,)``; -1 where none."""
         place = self._place(_key(sensor, local_track))
         if not len(self._key):
             return np.full(len(sensor), _NONE, dtype=np.int64)
-        return np.where(place >= 0, self._partner[place], _NONE)
+        return np.where((place >= 0) & (self._partner[place] >= 0), self._partner[place] // len(self._period_s), _NONE)
 
     # -- inside --------------------------------------------------------------------------------------------------
+    def _established(self, sensor: Ints, local_track: Ints) -> Bools:
+        """Targets that have had a partner for three scans and more, ``(n,)``."""
+        place = self._place(_key(sensor, local_track))
+        if not len(self._key):
+            return np.zeros(len(sensor), dtype=np.bool_)
+        known: Bools = (local_track >= 0) & (place >= 0) & (self._scans[place] > SCANS) & (self._partner[place] >= 0)
+        return known
+
     def _place(self, key: Ints) -> Ints:
         if not len(self._key):
             return np.full(len(key), _NONE, dtype=np.int64)
@@ -172,6 +198,7 @@ class PairingMemory:
         for name, empty in (("_partner", _NONE), ("_challenger", _NONE), ("_wins", 0), ("_scans", 0)):
             setattr(self, name, np.concatenate([getattr(self, name), np.full(n, empty, dtype=np.int64)])[order])
         self._seen_s = np.concatenate([self._seen_s, np.full(n, -np.inf)])[order]
+        self._limit = np.concatenate([self._limit, np.zeros(n)])[order]
 
     def _forget(self, now_s: float) -> None:
         sensor = self._key >> _SENSOR_SHIFT
@@ -180,7 +207,7 @@ class PairingMemory:
         if not old.any():
             return
         gone = self._key[old]
-        for name in ("_key", "_partner", "_challenger", "_wins", "_scans", "_seen_s"):
+        for name in ("_key", "_partner", "_challenger", "_wins", "_scans", "_seen_s", "_limit"):
             setattr(self, name, getattr(self, name)[~old])
         self._drop_costs(np.isin(self._cost_key, gone))
 
@@ -212,16 +239,42 @@ class PairingMemory:
         self._cost_key = np.concatenate([self._cost_key, names[0][kept]])
         self._cost_track = np.concatenate([self._cost_track, names[1][kept]])
         self._costs = np.concatenate([self._costs, costs[kept]])
-        scans = np.minimum(self._scans[self._place(key)], SCANS)
-        filled = np.where(np.isnan(costs[new]), limit[mine][:, None], costs[new])
-        filled = np.where(np.arange(SCANS) < scans[:, None], filled, 0.0)
+        place = self._place(key)
+        self._limit[place] = limit[mine]
         out = cost.copy()
-        out[mine] = filled.sum(axis=1) / scans
+        out[mine] = self._means(costs[new], place)
         return out
 
+    def _means(self, costs: Array, place: Ints) -> Array:
+        """Mean costs ``(p,)`` over the last scans of targets; a scan outside the gate counts the limit.
+
+        Scans before a track first was a candidate do not count: it may not have been there yet.
+        """
+        known = np.isfinite(costs)
+        since = SCANS - np.argmax(known[:, ::-1], axis=1)
+        scans = np.minimum(since, np.minimum(self._scans[place], SCANS))
+        filled = np.where(known, costs, self._limit[place][:, None])
+        mean: Array = np.where(np.arange(SCANS) < scans[:, None], filled, 0.0).sum(axis=1) / scans
+        return mean
+
+    def _expected(self, sensor: Ints, local_track: Ints, time_s: Array, track: Ints) -> tuple[Ints, Ints, Array, Array]:
+        """Targets that are still to be seen in this scan and their tracks, as pairs that compete for ``track``.
+
+        Plots are numbered from ``len(sensor)`` on.
+        """
+        entry = np.flatnonzero(np.isin(self._cost_track, track))
+        key = self._cost_key[entry]
+        place = self._place(key)
+        of_sensor = key >> _SENSOR_SHIFT
+        since_s = (float(time_s.max()) - self._seen_s[place]) / self._period_s[of_sensor]
+        due = (since_s > SCAN_SHARE) & (since_s < EXPECTED_PERIODS) & ~np.isin(key, _key(sensor, local_track))
+        entry, key, place = entry[due], key[due], place[due]
+        _, number = np.unique(key, return_inverse=True)
+        return len(sensor) + number, self._cost_track[entry], self._means(self._costs[entry], place), self._limit[place]
+
     def _with_hysteresis(
-        self, targets: Ints, sensor: Ints, local_track: Ints, time_s: Array,
-        plot: Ints, track: Ints, cost: Array, limit: Array, chosen: Bools,
+        self, targets: Ints, sensor: Ints, local_track: Ints,
+        plot: Ints, track: Ints, cost: Array, limit: Array, chosen: Bools, reserved: Bools,
     ) -> Bools:  # fmt: skip
         proposed = np.full(len(sensor), _NONE, dtype=np.int64)
         proposed[plot[chosen]] = track[chosen]
@@ -243,7 +296,7 @@ class PairingMemory:
         keeper = np.full(len(sensor), _NONE, dtype=np.int64)
         keeper[targets[held]] = self._partner[place[held]]
         kept = keeper[plot] == track
-        open_pair = (keeper[plot] == _NONE) & ~np.isin(track, keeper[keeper >= 0])
+        open_pair = (keeper[plot] == _NONE) & ~np.isin(track, keeper[keeper >= 0]) & ~reserved
         rest = np.flatnonzero(open_pair)
         chosen = kept
         chosen[rest] = assign(plot[rest], track[rest], cost[rest], limit[rest])

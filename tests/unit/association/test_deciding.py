@@ -41,8 +41,17 @@ class Scans:
             np.isin(pairs.track, list(taken)),
         )  # fmt: skip
         self.number += 1
-        self.contested = decision.contested.tolist()
+        self.contested, self.sure = decision.contested.tolist(), decision.sure.tolist()
         return [int(pairs.track[p]) if p >= 0 else -1 for p in decision.pair]
+
+    def one_by_one(self, plots_m: list[float], tracks_m: dict[int, float], local_track: list[int]) -> list[int]:
+        """One scan whose plots arrive one after the other."""
+        given: list[int] = []
+        for at, name in zip(plots_m, local_track, strict=True):
+            given += self.next([at], tracks_m, [name], set(given) - {-1})
+            self.number -= 1
+        self.number += 1
+        return given
 
 
 def test_two_plots_share_two_tracks_though_both_prefer_the_same() -> None:
@@ -75,6 +84,51 @@ def test_the_mean_of_three_scans_decides_at_first() -> None:
     third = scans.next([90.0, 215.0], {7: 100.0, 8: 200.0}, [1, 2])
 
     assert third == [7, 8]
+
+
+def test_plots_that_arrive_one_by_one_are_decided_together_from_the_second_scan_on() -> None:
+    scans = Scans()
+
+    assert scans.one_by_one([180.0, 240.0], {7: 100.0, 8: 200.0}, [1, 2]) == [8, 7]
+    # The first plot lies nearer to the track of the second.
+    assert scans.one_by_one([160.0, 250.0], {7: 100.0, 8: 200.0}, [1, 2]) == [7, 8]
+
+
+def test_a_track_that_was_not_there_yet_is_not_held_to_have_been_far_away() -> None:
+    scans = Scans()
+    scans.next([150.0], {7: 100.0}, [1])
+
+    assert scans.next([150.0], {7: 100.0, 8: 150.0}, [1]) == [8]
+
+
+def test_two_radars_may_see_one_track_in_one_batch() -> None:
+    pairs = Candidates.of(
+        np.array([0, 1]), np.array([7, 7]), np.zeros((2, 2)), np.tile([SIGMA_M**2, 0.0, SIGMA_M**2], (2, 1))
+    )
+
+    decision = Associator(SETTINGS, 10).decide(
+        np.array([0, 1]), np.array([-1, -1]), np.zeros(2), pairs, np.zeros(2, dtype=np.bool_)
+    )
+
+    assert decision.pair.tolist() == [0, 1]
+
+
+def test_a_plot_between_two_tracks_is_unsure_until_its_pairing_is_established() -> None:
+    scans = Scans()
+
+    sure = []
+    for _ in range(4):
+        scans.next([100.0, 300.0], {7: 100.0, 8: 300.0}, [1, 2])
+        sure.append(scans.sure)
+
+    assert sure == [[False, False]] * 3 + [[True, True]]
+
+
+def test_a_plot_with_one_track_in_its_gate_is_sure() -> None:
+    scans = Scans()
+    scans.next([100.0], {7: 100.0, 8: 900.0}, [-1])
+
+    assert scans.sure == [True]
 
 
 def settled() -> Scans:

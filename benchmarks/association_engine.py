@@ -1,0 +1,201 @@
+"""Association as a user sees it: plots without a name go through the whole engine; what became of each is looked up.
+
+    python -m benchmarks.association_engine [--seeds N] [--hours H] [--case NAME ...]
+
+Aircraft have ADS-B; a radar (4 s, 100 m, 0.15 degrees, detection 0.9) sees them without address and code. Right
+association is the share of plots that were given their own aircraft's track, of those that were given one. Tracks per
+aircraft, swaps and false tracks are those of ``aeroskein evaluate``. Exit status 1 when a goal is missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+from benchmarks.engine_runs import RADARS, SENSORS, fly, judged, true_flights
+
+from aeroskein.events import Dispositions
+from aeroskein.plots import Array, Ints, Plots
+from aeroskein.points import Product
+from aeroskein.reasons import Reason
+from aeroskein.settings import AssociationSettings, EngineSettings, RegistrationSettings, SensorSettings
+from aeroskein.simulation import SensorErrors, SimulationSettings
+from aeroskein.simulation.settings import Scenario
+
+Method = Literal["mahalanobis", "ahp"]
+METHODS: Final[tuple[Method, ...]] = ("mahalanobis", "ahp")
+COARSE: Final = replace(RADARS[0], range_sigma_m=100.0, azimuth_sigma_deg=0.15)
+PRIMARY: Final = replace(RADARS[1], kind="psr")
+VELOCITY_SIGMA_MPS: Final = 8.0
+AIRCRAFT: Final = 24
+SECONDS: Final = 240.0
+# Before this the first plots are not counted: there is no track yet. [s]
+FROM_S: Final = 20.0
+# Scenario, velocity given, targets numbered by the radar: share that must be right, method mahalanobis. [%]
+GOALS: Final[dict[tuple[Scenario, bool, bool], float]] = {
+    ("enroute", True, False): 99.9,
+    ("crossing", True, False): 99.5,
+    ("formation", True, False): 98.5,
+    ("formation", True, True): 99.5,
+}
+FALSE_TRACKS_PER_HOUR: Final = 1.0
+failures: list[str] = []
+
+
+def require(ok: bool, what: str) -> None:
+    """Note a missed goal."""
+    if not ok:
+        failures.append(what)
+        print(f"    MISSED: {what}")
+
+
+@dataclass
+class Nameless:
+    """Takes the names off the radar's plots and remembers them; gives them the velocity of the radar's own tracker."""
+
+    velocity: bool
+    numbered: bool
+    rng: np.random.Generator
+
+    def __post_init__(self) -> None:
+        self.truth: Ints = np.zeros(0, dtype=np.int64)
+        self._flown: dict[int, tuple[float, float]] = {}
+
+    def __call__(self, plots: Plots, seconds: float) -> Plots:
+        """The same plots without address and code."""
+        radar = plots.sensor == 1
+        self.truth = plots.address.astype(np.int64)
+        own = np.flatnonzero(~radar)
+        angle = np.radians(plots.track_angle_deg[own])
+        flown = plots.ground_speed_mps[own, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)
+        self._flown |= dict(zip(self.truth[own].tolist(), map(tuple, flown.tolist()), strict=True))
+        if self.velocity:
+            v = np.array([self._flown.get(a, (np.nan, np.nan)) for a in self.truth.tolist()]).reshape(-1, 2)
+            v = v + VELOCITY_SIGMA_MPS * self.rng.normal(size=v.shape)
+            speed, course = np.hypot(v[:, 0], v[:, 1]), np.mod(np.degrees(np.arctan2(v[:, 0], v[:, 1])), 360.0)
+            plots.ground_speed_mps = np.where(radar, speed, plots.ground_speed_mps)
+            plots.track_angle_deg = np.where(radar, course, plots.track_angle_deg)
+        plots.address = np.where(radar, -1, plots.address).astype(np.int32)
+        plots.mode_a = np.where(radar, -1, plots.mode_a).astype(np.int16)
+        if not self.numbered:
+            plots.local_track = np.full(len(plots), -1, dtype=np.int64)
+        return plots
+
+
+def fates(scenario: Scenario, velocity: bool, numbered: bool, method: Method, seed: int) -> tuple[Array, Any]:
+    """Radar plots that came to the right track, to a wrong one, to none ``(3,)``; and the identity of the tracks."""
+    sensors = (SENSORS[0], COARSE)
+    settings = EngineSettings(
+        sensors=sensors,
+        registration=RegistrationSettings(enabled=False),
+        association=AssociationSettings(method=method),
+    )
+    errors = (SensorErrors(sensor="radar1", miss_probability=0.1),)
+    flights = SimulationSettings(
+        scenario=scenario, aircraft=AIRCRAFT, seed=seed, duration_s=SECONDS, errors=errors, radius_m=90_000.0
+    )
+    stripped = Nameless(velocity, numbered, np.random.default_rng(seed))
+    counts, events = np.zeros(3), list[Any]()
+    for step in fly([flights], settings, change=stripped):
+        step.engine.want_dispositions = True
+        for event in step.events:
+            at_arrival = isinstance(event, Dispositions) and (event.element < 0).all()
+            if at_arrival and step.seconds > FROM_S and len(event.sensor) == len(stripped.truth):
+                radar = event.sensor == 1
+                given = radar & (event.reason != Reason.UNASSOCIATED)
+                right = event.label == stripped.truth
+                counts += [(given & right).sum(), (given & ~right).sum(), (radar & ~given).sum()]
+        events += step.events
+    return counts, judged(events, true_flights(flights, sensors), Product.LIVE).identity
+
+
+def plots_find_their_tracks(seeds: int) -> None:
+    """Right association by kind of traffic and method."""
+    print("right association [%] (given no track [%])   tracks per aircraft, swaps, false tracks")
+    kinds: tuple[tuple[Scenario, bool, bool], ...] = (
+        ("enroute", True, False), ("crossing", False, False), ("crossing", True, False), ("formation", True, False),
+        ("formation", True, True),
+    )  # fmt: skip
+    for scenario, velocity, numbered in kinds:
+        for method in METHODS:
+            runs = [fates(scenario, velocity, numbered, method, seed) for seed in range(1, seeds + 1)]
+            right, wrong, alone = np.sum([counts for counts, _ in runs], axis=0)
+            share, lost = 100.0 * right / (right + wrong), 100.0 * alone / (right + wrong + alone)
+            per_aircraft = float(np.mean([i.tracks / i.flights_judged for _, i in runs]))
+            swaps, false = sum(i.swaps for _, i in runs), sum(i.false_tracks for _, i in runs)
+            name = f"{scenario}{', velocity' if velocity else ''}{', numbered' if numbered else ''}"
+            print(f"    {name:32s} {method:12s} {share:6.2f} ({lost:.2f})   {per_aircraft:.3f} {swaps} {false}")
+            goal = GOALS.get((scenario, velocity, numbered))
+            require(method == "ahp" or goal is None or share >= goal, f"{name}: {share:.2f} >= {goal}")
+            require(swaps == 0 and per_aircraft == 1.0, f"{name}, {method}: one track per aircraft and no swap")
+
+
+def tracks(seeds: int) -> None:
+    """Aircraft with ADS-B, seen by a radar that knows codes only, and a primary radar with ten false plots a scan."""
+    sensors: tuple[SensorSettings, ...] = (SENSORS[0], RADARS[0], PRIMARY)
+    errors = (SensorErrors(sensor="radar1", mode_s=False), SensorErrors(sensor="radar2", false_plots=10.0))
+    scenarios: tuple[Scenario, ...] = ("crossing", "formation", "mixed")
+    for scenario in scenarios:
+        for method in METHODS:
+            settings = EngineSettings(sensors=sensors, association=AssociationSettings(method=method))
+            summary = _summary(scenario, sensors, errors, settings, seeds)
+            print(f"{scenario}, ADS-B, codes and primary plots, {method}: {summary}")
+
+
+def _summary(
+    scenario: Scenario, sensors: tuple[SensorSettings, ...], errors: tuple[SensorErrors, ...],
+    settings: EngineSettings, seeds: int,
+) -> str:  # fmt: skip
+    counted = np.zeros(4)
+    for seed in range(1, seeds + 1):
+        flights = SimulationSettings(scenario=scenario, aircraft=AIRCRAFT, seed=seed, duration_s=SECONDS, errors=errors)
+        events = [event for step in fly([flights], settings) for event in step.events]
+        found = judged(events, true_flights(flights, sensors), Product.ELEMENT).identity
+        counted += [found.tracks, found.flights_tracked, found.swaps, found.false_tracks]
+    made, aircraft, swaps, false = counted
+    require(made == aircraft and swaps == 0, f"{scenario}: one track per aircraft and no swap")
+    return f"{made / aircraft:.3f} tracks per aircraft, {swaps:.0f} swaps, {false:.0f} false tracks ({seeds} runs)"
+
+
+def false_tracks(hours: float) -> None:
+    """A primary radar with ten false plots a scan, some aircraft without anything else, for hours."""
+    made, flown_h, found, aircraft = 0, 0.0, 0, 0
+    seed = 1
+    while flown_h < hours:
+        errors = (SensorErrors(sensor="radar1", false_plots=10.0, range_max_m=200_000.0),)
+        flights = SimulationSettings(scenario="cruise", aircraft=6, seed=seed, duration_s=1800.0, errors=errors)
+        sensors = (replace(RADARS[0], kind="psr"),)
+        settings = EngineSettings(sensors=sensors)
+        events = [event for step in fly([flights], settings) for event in step.events]
+        seen = judged(events, true_flights(flights, sensors), Product.LIVE).identity
+        made, found, aircraft = made + seen.false_tracks, found + seen.flights_tracked, aircraft + seen.flights_judged
+        flown_h, seed = flown_h + 0.5, seed + 1
+    print(f"primary radar alone, ten false plots a scan: {made} false tracks in {flown_h:.1f} hours,"
+          f" {found} of {aircraft} aircraft found")  # fmt: skip
+    require(made / flown_h <= FALSE_TRACKS_PER_HOUR, "false tracks per hour")
+
+
+def main() -> int:
+    """Print everything; 1 where a goal is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--hours", type=float, default=4.0)
+    cases: dict[str, Callable[[], None]] = {
+        "plots": lambda: plots_find_their_tracks(options.seeds),
+        "tracks": lambda: tracks(options.seeds),
+        "false-tracks": lambda: false_tracks(options.hours),
+    }
+    parser.add_argument("--case", action="append", default=[], choices=[*cases])
+    options = parser.parse_args()
+    for name in options.case or cases:
+        cases[name]()
+    print("all goals met" if not failures else f"{len(failures)} goals missed")
+    return int(bool(failures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
