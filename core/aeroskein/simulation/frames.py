@@ -51,6 +51,12 @@ def track_angle_deg(east: Array, north: Array) -> Array:
     return wrap_azimuth_deg(np.degrees(np.arctan2(east, north)))
 
 
+def _cross(one: Array, other: Array) -> Array:
+    """``np.cross`` of rows ``(n, 3)``, without what it takes for every other shape."""
+    (a, b, c), (d, e, f) = one.T, other.T
+    return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
+
+
 @dataclass(slots=True, eq=False)
 class Frames:
     """One tangent plane per aircraft, in ECEF axes, each column ``(n, 3)``.
@@ -92,7 +98,7 @@ class Frames:
         up, _ = normal_and_height(self.point(right_m, ahead_m))
         right = self.right - np.einsum("ij,ij->i", self.right, up)[:, None] * up
         right /= np.sqrt(np.einsum("ij,ij->i", right, right))[:, None]
-        return type(self)(above(up, height_m), right, np.cross(up, right), up)
+        return type(self)(above(up, height_m), right, _cross(up, right), up)
 
     def slid(self, right_m: Array, ahead_m: Array, height_m: Array) -> Self:
         """The frames after a long way straight on in the given direction, at the same heights."""

@@ -25,6 +25,9 @@ NODES: Final = 4
 _DECAY: Final = float(np.exp(-BLOCK_S / NODES / GUST_TIME_S))
 # Slow aircraft are held in place by their crews: gusts move them less below this speed. [m/s]
 FULL_MPS: Final = 3.0
+# Accelerations are drawn for so many aircraft times blocks at once: a feed that catches up with its traffic flies
+# hundreds of blocks of a few aircraft, and small draws cost more than their numbers.
+DRAWN_AT_ONCE: Final = 1024
 
 
 def _response() -> Array:
@@ -52,11 +55,13 @@ class Gusts:
     def __init__(self, sigma_mps2: float, n: int) -> None:
         self._sigma_mps2 = sigma_mps2
         self._mps, self._mps2 = np.zeros((2, n)), np.zeros((2, n))
+        self._drawn, self._drawn_from = np.zeros((0, NODES, 2, n)), 0
 
     def begin(self, rows: Ints, keys: Keys) -> None:
         """New flights: no velocity yet, an acceleration as the process has it on average."""
         self._mps[:, rows] = 0.0
         self._mps2[:, rows] = self._sigma_mps2 * np.stack(hashed_normal_pair(keys, 30))
+        self._drawn = self._drawn[:0]  # they were those of other flights
 
     def blow(self, block: int, keys: Keys, speed_mps: Array, velocities_mps: tuple[Array, Array]) -> None:
         """Add the gusts of one block to velocities ``(STEPS + 1, n)``, as far as the planned speed lets them."""
@@ -65,8 +70,7 @@ class Gusts:
         scatter = self._sigma_mps2 * np.sqrt(1.0 - _DECAY**2)
         inputs = np.empty((NODES + 2, *self._mps.shape))
         inputs[0], inputs[1] = self._mps, self._mps2
-        for node in range(NODES):
-            new = np.stack(hashed_normal_pair(keys, 32, block * NODES + node))
+        for node, new in enumerate(self._new(block, keys)):
             inputs[node + 2] = _DECAY * inputs[node + 1] + scatter * new
         exposure = speed_mps / (speed_mps + FULL_MPS)
         for axis, velocity_mps in enumerate(velocities_mps):
@@ -75,3 +79,11 @@ class Gusts:
             self._mps[axis] = gust_mps[-1]
             velocity_mps += exposure * gust_mps
         self._mps2 = inputs[-1].copy()
+
+    def _new(self, block: int, keys: Keys) -> Array:
+        """Standard normal numbers of a block's nodes, ``(NODES, 2, n)``."""
+        if not self._drawn_from <= block < self._drawn_from + len(self._drawn):
+            nodes = block * NODES + np.arange(NODES * max(1, DRAWN_AT_ONCE // max(1, len(keys))))
+            pairs = np.stack(hashed_normal_pair(keys, 32, nodes[:, None]), axis=1)
+            self._drawn, self._drawn_from = pairs.reshape(-1, NODES, *pairs.shape[1:]), block
+        return np.asarray(self._drawn[block - self._drawn_from])
