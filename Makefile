@@ -47,9 +47,12 @@ demo-real: $(STAMP) real-data
 demo-compose:
 	deploy/demo.sh
 
-# Recorded traffic (56 MB). Without its dependencies: only its data files are read, it is never imported.
+# Recorded traffic (56 MB). Without its dependencies: only its data files are read, it is never imported. The copy in
+# build/ is for containers.
+SAMPLE := data/samples/collections/quickstart.json.gz
 real-data: $(STAMP)
 	$(BIN)/pip install --quiet --no-deps traffic==2.13
+	install -D -m 0644 $(VENV)/lib/python3*/site-packages/traffic/$(SAMPLE) build/real-data/$(SAMPLE)
 
 test: $(DEV_STAMP)
 	$(BIN)/python -m pytest -n 2 --dist loadfile

@@ -6,11 +6,11 @@
 # AEROSKEIN_PORT (8080) is where the page will be, on 127.0.0.1 only.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-export AEROSKEIN_IMAGE="${AEROSKEIN_IMAGE:-aeroskein:demo}"
+export AEROSKEIN_IMAGE="${AEROSKEIN_IMAGE:-aeroskein:demo}" COMPOSE_PROJECT_NAME="${COMPOSE_PROJECT_NAME:-aeroskein}"
 limit_s=180
 
 if docker compose version >/dev/null 2>&1; then tool=(docker compose); else tool=(docker-compose); fi
-compose() { "${tool[@]}" -p aeroskein -f deploy/compose.yaml "$@"; }
+compose() { "${tool[@]}" -f deploy/compose.yaml "$@"; }
 
 if [ "${1:-}" = down ]; then
     compose down -v --remove-orphans
@@ -22,7 +22,7 @@ compose up -d --no-build
 
 # Not healthy yet, one a line.
 waiting() {
-    docker ps -a --filter label=com.docker.compose.project=aeroskein --format '{{.Names}}: {{.Status}}' | grep -v '(healthy)'
+    docker ps -a --filter "label=com.docker.compose.project=$COMPOSE_PROJECT_NAME" --format '{{.Names}}: {{.Status}}' | grep -v '(healthy)'
 }
 # The consumer's newest point to which all sensors have contributed.
 point() { compose logs --no-color --tail 2000 consumer | grep -E '"adsb":[1-9].*"radar1":[1-9]' | tail -1; }
@@ -45,5 +45,5 @@ echo "a fused point, as the consumer got it:"
 point | cut -d'|' -f2-
 echo
 echo "the page:          http://$(compose port web 8080)"
-echo "all fused points:  ${tool[*]} -p aeroskein -f deploy/compose.yaml logs -f consumer"
+echo "all fused points:  ${tool[*]} -f deploy/compose.yaml logs -f consumer"
 echo "the end:           deploy/demo.sh down"

@@ -5,6 +5,7 @@
 #   make_certificates.sh --renew FOLDER NAME...    new certificates for these names, same authority
 #   make_certificates.sh --check FOLDER [DAYS]     fail if one of them expires within DAYS (30)
 #
+# `docker compose --profile secure` runs it in a container (service `certificates`), with a volume for each participant.
 # FOLDER/NAME/ gets ca.pem, cert.pem and key.pem: what is mounted into that participant's container, and nothing else.
 # FOLDER/authority/ holds the authority's key; it belongs on another machine, and in no container.
 # AUTHORITY_DAYS (3650), DAYS (365) and ROUTER_NAMES (router, localhost and 127.0.0.1) may be set.
@@ -24,7 +25,7 @@ new_key() { openssl ecparam -name prime256v1 -genkey -noout -out "$1"; }
 if [ "$mode" = check ]; then
     within=$(("${1:-30}" * 86400))
     failed=0
-    for certificate in "$folder"/*/cert.pem "$authority/ca.pem"; do
+    for certificate in "$folder"/*/cert.pem "$folder"/*/ca.pem; do
         if ! openssl x509 -checkend "$within" -noout -in "$certificate" >/dev/null; then
             echo "$certificate: $(openssl x509 -enddate -noout -in "$certificate")" >&2
             failed=1
@@ -33,6 +34,16 @@ if [ "$mode" = check ]; then
     exit "$failed"
 fi
 
+wanted=()
+for name in "$@"; do
+    if [ "$mode" = renew ] || [ ! -e "$folder/$name/cert.pem" ]; then wanted+=("$name"); fi
+done
+if [ "${#wanted[@]}" = 0 ]; then exit; fi
+
+if [ ! -e "$folder" ]; then
+    mkdir -p "$folder"
+    chmod 0711 "$folder"
+fi
 if [ ! -e "$authority/ca.key" ]; then
     mkdir -p "$authority"
     new_key "$authority/ca.key"
@@ -41,9 +52,8 @@ if [ ! -e "$authority/ca.key" ]; then
         -addext "keyUsage=critical,keyCertSign,cRLSign" -out "$authority/ca.pem"
 fi
 
-for name in "$@"; do
+for name in "${wanted[@]}"; do
     own="$folder/$name"
-    if [ -e "$own/cert.pem" ] && [ "$mode" = make ]; then continue; fi
     mkdir -p "$own"
     new_key "$own/key.pem.new"
     usage=clientAuth
@@ -68,10 +78,9 @@ done
 group=10001
 if [ "$(id -u)" != 0 ]; then
     group="$(id -g)"
-    echo "export AEROSKEIN_KEY_GROUP=$group    # for compose.secure.yaml"
+    echo "export AEROSKEIN_KEY_GROUP=$group    # for compose.yaml"
 fi
-chmod 0711 "$folder"
-for name in "$@"; do
+for name in "${wanted[@]}"; do
     chgrp -R "$group" "$folder/$name"
     chmod 0750 "$folder/$name"
     chmod 0640 "$folder/$name"/*.pem

@@ -99,9 +99,11 @@ class RecordedTraffic:
     ) -> Iterator[Chunk]:
         """Play from ``start_s`` to ``end_s``, or to the end of the recording; the chunks carry no truth.
 
-        The recording begins at ``anchor_s``, absent: at the start; processes with the same anchor agree.
+        The recording begins at ``anchor_s``, absent: at the start, and again each time when it is over: one call plays
+        the round into which ``start_s`` falls. Processes with the same anchor agree.
         """
         anchor_s = start_s if anchor_s is None else anchor_s
+        anchor_s += max(0.0, (start_s - anchor_s) // self.duration_s * self.duration_s)
         simulated = {s.id for s in self._sensors if s.kind != "adsb" and (only is None or s.id in only)}
         shift_s = anchor_s - float(self._recording.time_s[0])
         end_s = min(end_s, anchor_s + self.duration_s)

@@ -1,18 +1,23 @@
 #!/usr/bin/env bash
-# Stands in for the registry where no image can be pulled: makes, from Debian's packages, the image that
-# deploy/Dockerfile starts from, and gives it that name. Whoever can pull does not need it.
+# Has the image that deploy/Dockerfile starts from: pulls it, or stands in for the registry where nothing can be pulled
+# and makes it, under that name, from Debian's packages. Where neither can be, the last line says what is missing.
 #
-#   tests/deploy/make_base_image.sh [NAME]        needs root, debootstrap and a Docker engine
+#   tests/deploy/make_base_image.sh [NAME]        making it needs root and apt
 set -euo pipefail
 here="$(cd "$(dirname "$0")" && pwd)"
 name="${1:-$(sed -n 's/^ARG BASE=//p' "$here/../../deploy/Dockerfile")}"
 
 if docker image inspect "$name" >/dev/null 2>&1; then
-    echo "$name is there already"
     exit 0
 fi
-if ! command -v debootstrap >/dev/null; then
-    echo "debootstrap is missing: apt-get install debootstrap" >&2
+if docker pull --quiet "$name" >/dev/null 2>&1; then exit 0; fi
+if [ "$(id -u)" != 0 ]; then
+    echo "$name is not here and cannot be pulled; making it takes root: sudo $0" >&2
+    exit 1
+fi
+if ! command -v debootstrap >/dev/null &&
+    ! { apt-get update -qq && apt-get -o DPkg::Lock::Timeout=120 install -y -qq debootstrap; } >/dev/null; then
+    echo "$name is not here and cannot be pulled; making it takes debootstrap: apt-get install debootstrap" >&2
     exit 1
 fi
 

@@ -86,6 +86,19 @@ def test_rows_are_played_in_order_shifted_to_the_start(tmp_path: Path) -> None:
     assert (plots.received_s >= plots.time_s).all()
 
 
+def test_a_recording_that_is_over_begins_again_for_all_alike(tmp_path: Path) -> None:
+    # Given a recording of ten seconds that began long ago
+    traffic = RecordedTraffic(
+        load_recording(written(tmp_path, [row(s) for s in range(11)])), (ADSB,), SimulationSettings()
+    )
+    begun_s = 1_800_000_000.0
+    # When a feed starts four seconds after the hundredth repetition began
+    chunks = traffic.chunks(start_s=begun_s + 1004.0, end_s=begun_s + 2000.0, chunk_s=0.5, anchor_s=begun_s)
+    times = Plots.concatenate([chunk.plots for chunk in chunks]).time_s
+    # Then it plays what is left of that round
+    assert times.tolist() == [begun_s + 1000.0 + second for second in range(4, 10)]
+
+
 def test_recorded_reports_are_not_marked_as_simulated_but_radar_plots_are(tmp_path: Path) -> None:
     rows = [row(second, onground=second == 3) for second in range(30)]
     traffic = RecordedTraffic(load_recording(written(tmp_path, rows)), (ADSB, RADAR), SimulationSettings())

@@ -178,7 +178,7 @@ def _play(
         _tell(f"playing {', '.join(sensors.values())}: {what} at {config.zenoh.link.where}")
         if traffic is not None:
             end_s = start_s + (traffic.duration_s if duration_s is None else duration_s)
-            return traffic.chunks(start_s=start_s, end_s=end_s, chunk_s=BATCH_S, only=only, anchor_s=begin_s)
+            return traffic.chunks(start_s=start_s, end_s=end_s, chunk_s=BATCH_S, only=only, anchor_s=anchor_s)
         return simulate(
             settings, config.sensors, chunk_s=BATCH_S, only=only, start_s=start_s, anchor_s=anchor_s,
             endless=duration_s is None,
