@@ -49,6 +49,19 @@ def test_restart_uses_no_number_again_and_publishes_no_second_twice(tmp_path, en
     assert min(p["span_s"][0] for p in after) >= max(p["span_s"][1] for p in before)
 
 
+def test_registration_that_was_set_is_in_force_after_a_restart(tmp_path, endpoint, session, keys):
+    config = make_config(tmp_path, endpoint, keys.prefix, {"service.state_dir": str(tmp_path / "state")})
+    with running(config):
+        (answer,) = session.ask(
+            keys.control("registration", "radar1") + "?action=set;range_bias_m=120.5;time_bias_s=0.25"
+        )
+        assert answer.ok, answer.payload.decode()
+    states = Listener(session, keys.registration("radar1"))
+    with running(config):
+        first = states.wait_for(lambda messages: messages[:1], "the registration of the radar")[0]
+    assert (first["range_bias_m"], first["time_bias_s"]) == pytest.approx((120.5, 0.25))
+
+
 def test_killed_service_repeats_neither_numbers_nor_elements(tmp_path, endpoint, session, keys):
     path = write_config(tmp_path, endpoint, keys.prefix)
     # A slow machine may take long to start the service again: its reports are not too old for that.

@@ -130,6 +130,33 @@ def test_a_primary_radar_alone_makes_one_track_of_one_aircraft() -> None:
     assert np.isnan(drive.live.altitude_m).all()
 
 
+def test_aircraft_with_the_same_code_keep_tracks_of_their_own() -> None:
+    drive = Drive.of(engine_settings(ADSB, RADAR1))
+    beside = dataclasses.replace(LEVEL, lat_deg=48.01, address=0x3C6445)
+    times = np.arange(1.0, 100.0, 4.0)
+
+    drive.feed([nameless(ssr(LEVEL, times, seed=1)), nameless(ssr(beside, times + 0.02, seed=2))], until_s=100.0)
+
+    live = drive.live.take(drive.live.time_s > START_S + 20.0)
+    assert set(live.track_number) == {1, 2}
+    assert set(live.mode_a) == {0o1234}
+    for number, flight in ((1, LEVEL), (2, beside)):
+        points = live.take(live.track_number == number)
+        lat, lon, _ = flight.at(points.time_s - START_S)
+        assert distance_m(points.lat_deg, points.lon_deg, lat, lon).max() < 1000.0
+
+
+def test_an_aircraft_that_changes_its_code_keeps_its_track() -> None:
+    drive = Drive.of(engine_settings(ADSB, RADAR1))
+    times = np.arange(1.0, 120.0, 4.0)
+    code = np.where(times < 60.0, 0o1234, 0o4521).astype(np.int16)
+
+    drive.feed(nameless(ssr(LEVEL, times), mode_a=code), until_s=120.0)
+
+    assert set(drive.live.track_number) == {1}
+    assert drive.live.mode_a[-1] == 0o4521
+
+
 @pytest.fixture(scope="module")
 def honest() -> Drive:
     drive = Drive.of(engine_settings(ADSB, RADAR1, RADAR2))
