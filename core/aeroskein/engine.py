@@ -29,7 +29,7 @@ from aeroskein.points import FusedPoints, Product, Status
 from aeroskein.publishing import element_points, element_vertical, live_points, live_state
 from aeroskein.receiving import Receiver
 from aeroskein.recentring import recentre
-from aeroskein.references import ReferenceSampler, compare
+from aeroskein.references import ReferenceSampler, compare, learn_latencies
 from aeroskein.registration import Registration
 from aeroskein.selection import Selection
 from aeroskein.settings import EngineSettings
@@ -104,6 +104,7 @@ class FusionEngine:
         state = self._state
         if state.block.begins(self._now_s):
             state.offsets.begin_block()
+            state.latencies.begin_block()
             self._receiver.biases.begin_block(*self._registration.table())
 
     def thin_live(self, every_s: float) -> None:
@@ -239,11 +240,12 @@ class FusionEngine:
         number, frame = state.tracks.number[closed.slots], state.tracks.frame[closed.slots]
         state.element_log.add(closed, number, frame, points, fused.half_width_m, fused.reason)
         self._clock.lap("element points", len(slots))
-        if self.settings.registration.enabled:
+        if self._registration.radars.any():
             trusted = self._receiver.believing.trusted(closed.slots)
             comparisons = compare(state, closed, vertical, self._sampler, self._now_s, trusted)
             if comparisons is not None:
                 self._registration.update(comparisons)
+                learn_latencies(state, closed.slots, comparisons, self._registration)
             self._clock.lap("bias estimate", len(slots))
         events: list[Event] = [points]
         if self.want_dispositions:

@@ -19,6 +19,7 @@ from aeroskein.live import LiveProduct
 from aeroskein.master_track import MasterChoice
 from aeroskein.plots import Ints
 from aeroskein.points import Product
+from aeroskein.registration import LatencyEstimator
 from aeroskein.repeats import SensorMemory
 from aeroskein.report_log import ReportLog
 from aeroskein.settings import EngineSettings
@@ -47,6 +48,7 @@ class EngineState:
         self.block = BlockTime()
         self.lateness = Lateness(settings)
         self.offsets = HeightOffsets(capacity)
+        self.latencies = LatencyEstimator(capacity)
         self.seq = np.zeros((len(Product), capacity), dtype=np.int64)
         self.coasted_s = np.full(capacity, -np.inf)
         self.reports = ReportLog()
@@ -58,7 +60,10 @@ class EngineState:
         more = capacity - self.tracks.capacity
         if more == 0:
             return False
-        for part in (self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters, self.offsets):
+        for part in (
+            self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters, self.offsets,
+            self.latencies,
+        ):  # fmt: skip
             part.grow(capacity)
         self.seq = np.concatenate([self.seq, np.zeros((len(Product), more), dtype=np.int64)], axis=1)
         self.coasted_s = np.concatenate([self.coasted_s, np.full(more, -np.inf)])
@@ -66,7 +71,7 @@ class EngineState:
 
     def clear(self, slots: Ints) -> None:
         """Make the slots of new tracks blank."""
-        for part in (self.memory, self.buffers, self.live, self.masters, self.offsets):
+        for part in (self.memory, self.buffers, self.live, self.masters, self.offsets, self.latencies):
             part.clear(slots)
         self.seq[:, slots] = 0
         self.coasted_s[slots] = -np.inf

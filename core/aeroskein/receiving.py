@@ -5,6 +5,8 @@ intake -> calibration -> place -> identity -> repeats -> buffers -> live filter 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aeroskein import ageing, conversion, dispositions
@@ -34,6 +36,7 @@ class Receiver:
         self.identity = Identity(state, self.believing.clear)
         self._state = state
         self._clock = clock
+        self._is_adsb: Bools = np.array([s.kind == "adsb" for s in state.settings.sensors], dtype=np.bool_)
 
     def receive(self, plots: Plots, now_s: float, *, want_dispositions: bool) -> list[Event]:
         """Take reports in; returns live points, track changes, rejections and dispositions."""
@@ -97,6 +100,7 @@ class Receiver:
         radars = bool(state.sensors.is_radar[raw.sensor].any())
         plots = self.biases.correct(raw, before) if radars else raw
         slot = state.tracks.owner(plots.address)
+        plots = self._without_latency(plots, slot, before)
         known = slot >= 0
         nowhere = np.isnan(state.offsets.own(slot, before))
         place = conversion.rough_place(plots, state.sensors, nowhere)
@@ -107,6 +111,11 @@ class Receiver:
             geometric[blind] = state.live.vertical.at(slot[blind], plots.time_s[blind])[1]
         located = conversion.locate(plots, state.sensors, geometric, sigma, self.biases.sigmas(raw.sensor, before))
         return Batch(rows, raw, plots, located, slot)
+
+    def _without_latency(self, plots: Plots, slot: Ints, before: Bools) -> Plots:
+        """Take out of the stamps of ADS-B what is known of each aircraft's latency."""
+        late_s = np.where(self._is_adsb[plots.sensor], self._state.latencies.applied_s(slot, before), 0.0)
+        return replace(plots, time_s=plots.time_s - late_s) if late_s.any() else plots
 
     def _measured(self, batch: Batch) -> Measurements:
         state, raw = self._state, batch.raw

@@ -16,10 +16,10 @@ from aeroskein.closed import Closed
 from aeroskein.engine_state import EngineState
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.publishing import Vertical
-from aeroskein.registration import Comparisons
+from aeroskein.registration import Comparisons, Registration
 from aeroskein.windows import Window
 
-__all__ = ["ReferenceSampler", "compare"]
+__all__ = ["ReferenceSampler", "compare", "learn_latencies"]
 
 # Reports further from the plot than this say little about where the aircraft was. [s]
 REACH_S: Final = 6.0
@@ -127,9 +127,18 @@ def compare(
     ).take(np.isfinite(height))  # fmt: skip
 
 
+def learn_latencies(state: EngineState, slots: Ints, rows: Comparisons, registration: Registration) -> None:
+    """Let comparisons of the tracks in ``slots`` say how late each one's ADS-B is."""
+    number = state.tracks.number[slots]
+    order = np.argsort(number)
+    slot = slots[order[np.searchsorted(number[order], rows.aircraft)]]
+    state.latencies.learn(slot, rows.time_s, *registration.lateness(rows))
+
+
 def _fit(state: EngineState, window: Window, lane: Ints, time_s: Array, trusted: Bools) -> tuple[Array, Array, Bools]:
     """Position and velocity ``(4, n)`` at the given times, position covariance ``(n, 3)``, where there is a fit."""
-    dt = (window.time_s[:, lane] - time_s).T
+    # Stamps as reported: the latency that is taken out of them is found against this very fit.
+    dt = (window.stamp_s[:, lane] - time_s).T
     own = window.reported & ~state.sensors.is_radar[window.sensor_index] & trusted
     use = own[:, lane].T & (np.abs(dt) <= REACH_S)
     anchored = (use.sum(axis=1) >= FEWEST) & ((np.abs(dt) <= NEAREST_S) & use).any(axis=1)

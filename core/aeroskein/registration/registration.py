@@ -16,11 +16,11 @@ from aeroskein.errors import SettingsError, SnapshotError
 from aeroskein.events import RegistrationState
 from aeroskein.geodesy import frame_rows
 from aeroskein.plots import Array, Bools, Ints
-from aeroskein.registration.comparisons import RAD_PER_DEG, Comparisons
+from aeroskein.registration.comparisons import RAD_PER_DEG, Comparisons, geometry_of
 from aeroskein.registration.estimator import KalmanEstimator, preset_of, prior_sigma_of
 from aeroskein.registration.feedback import FeedbackEstimator
 from aeroskein.registration.handover import Handover
-from aeroskein.registration.rows import bias_jacobian
+from aeroskein.registration.rows import Noise, anchored_rows, bias_jacobian, usable
 from aeroskein.settings import EngineSettings
 from aeroskein.units import wrap_azimuth_deg
 
@@ -37,6 +37,8 @@ HYSTERESIS: Final = 1.5
 SILENT_S: Final = 120.0
 # Sigmas of values that an operator sets: range m, azimuth deg, time s, gain.
 SET_SIGMA: Final = np.array([10.0, 0.01, 0.05, 0.0])
+# Slower flight says nothing of a latency. [m/s]
+LATENCY_SPEED_MIN_MPS: Final = 40.0
 VERSION: Final = 1
 _NAMES: Final = ("range_bias_m", "azimuth_bias_deg", "time_bias_s", "range_gain")
 _SIGMA_NAMES: Final = ("range_bias_sigma_m", "azimuth_bias_sigma_deg", "time_bias_sigma_s", "range_gain_sigma")
@@ -72,6 +74,7 @@ class Registration:
         for k in np.flatnonzero(by_sensor):
             # What the radar applies from its configuration is no longer in its plots.
             self._estimator.restart(int(k), np.zeros(4), self._prior[k])
+        self._noise = Noise.of(settings)
         noise = np.array([[s.range_sigma_m, s.azimuth_sigma_deg] for s in sensors])
         floor = np.array([RANGE_SIGMA_MIN_M, AZIMUTH_SIGMA_MIN_DEG])
         self._good = np.c_[np.maximum(SHARE_OF_NOISE * noise, floor), np.full(len(sensors), TIME_SIGMA_S)]
@@ -149,6 +152,41 @@ class Registration:
         if keep.any():
             self._estimator.add(rows.take(keep))
             self._refresh()
+
+    def lateness(self, rows: Comparisons) -> tuple[Array, Array, Array]:
+        """What plots of converged radars say of the latency of the aircraft's ADS-B.
+
+        A radar sees the aircraft where it is and ADS-B where it was, so the plot lies ``v l`` ahead of the reference;
+        what the radar's bias makes of it is taken out.
+
+        Parameters
+        ----------
+        rows : Comparisons
+            Their references must stand on the stamps of ADS-B as reported.
+
+        Returns
+        -------
+        late_s, noise_s2, floor_s2 : (n,) arrays
+            Latency, variance of its noise, and of what is not known of the bias; NaN where a plot says nothing.
+            [s, s², s²]
+        """
+        found = np.full((3, len(rows)), np.nan)
+        geometry = geometry_of(rows, self.sites)
+        good = usable(rows, geometry) & rows.anchored & ~self._uncertain[rows.sensor]
+        at = np.flatnonzero(good & (np.hypot(geometry.radial_mps, geometry.across_mps) > LATENCY_SPEED_MIN_MPS))
+        if len(at):
+            rows = rows.take(at)
+            seen = anchored_rows(rows, geometry_of(rows, self.sites), self._noise)
+            velocity = seen.of_aircraft[:, :, 0]
+            error = seen.error_m - np.einsum("nij,nj->ni", seen.of_sensor, self._correction[rows.sensor])
+            weight = np.linalg.solve(seen.covariance_m2, velocity[:, :, None])[:, :, 0]
+            information = np.einsum("ni,ni->n", weight, velocity)
+            of_bias = np.einsum("ni,nij->nj", weight, seen.of_sensor)
+            found[0, at] = np.einsum("ni,ni->n", weight, error) / information
+            found[1, at] = 1.0 / information
+            left = np.einsum("ni,nij,nj->n", of_bias, self._left_over[rows.sensor], of_bias)
+            found[2, at] = left / information**2
+        return found[0], found[1], found[2]
 
     def advance(self, *, now_s: float) -> None:
         """Let time pass: uncertainty grows, and radars that correct themselves get a new value when it is due."""
