@@ -27,6 +27,25 @@ def jerk_noise(h: float, q: float) -> Array:
     return np.asarray(np.kron(axis, I2))
 
 
+# Shares of the density of jerk along and across the flight.
+ALONG, ACROSS = 0.25, 2.5
+
+
+def coordinated_turn(x: Array, P: Array, h: float, along: float, across: float) -> tuple[Array, Array]:
+    """One step in a turn: the acceleration turns with the flight, and jerk has two densities."""
+    v, a = x[2:4], x[4:6]
+    speed = float(np.hypot(*v))
+    rate = np.clip((v[0] * a[1] - v[1] * a[0]) / max(speed, 60.0) ** 2, -0.12, 0.12)
+    jerk = rate * np.array([-a[1], a[0]])
+    forward_en = v / speed if speed >= 30.0 else np.zeros(2)
+    flight = np.outer(forward_en, forward_en) if speed >= 30.0 else 0.5 * I2
+    density = along * flight + across * (I2 - flight)
+    axis = Q_continuous_white_noise(dim=3, dt=h, spectral_density=1.0)
+    F = transition(h)
+    moved = F @ x + np.concatenate([h**3 / 6.0 * jerk, h**2 / 2.0 * jerk, h * jerk])
+    return moved, F @ P @ F.T + np.kron(axis, density)
+
+
 def random_covariance(rng: np.random.Generator, n: int) -> Array:
     """``(n, 6, 6)`` covariances with the sizes that occur: tens of metres, metres a second, tenths of m/s²."""
     scale = np.repeat([40.0, 5.0, 0.5], 2)
@@ -81,8 +100,7 @@ def forward(x: Array, P: Array, events: list[Event]) -> list[Passed]:
     """Kalman filter over the events."""
     passed = []
     for event in events:
-        F = transition(event.h)
-        x, P = F @ x, F @ P @ F.T + jerk_noise(event.h, event.q)
+        x, P = coordinated_turn(x, P, event.h, ALONG * event.q, ACROSS * event.q)
         prior = x, P
         if event.position is not None:
             x, P, _, _ = update(x, P, *event.position, POSITION)

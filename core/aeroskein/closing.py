@@ -54,7 +54,7 @@ class ElementTable:
         self.index: Ints = np.zeros(capacity, dtype=np.int64)
         self.states = np.zeros((capacity, 30))
         self.gates = GateMemory.empty(capacity, sensors)
-        self.detector = ModeBank(capacity, sensors)
+        self.detector = ModeBank(capacity, sensors, manoeuvre.DETECTOR)
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""

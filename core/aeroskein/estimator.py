@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein import kalman
+from aeroskein import coordinated_turn, kalman
 from aeroskein.closed import Estimate
 from aeroskein.elements import BOUNDARY_SIGMAS, boundary_half_width
 from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
@@ -24,6 +24,10 @@ from aeroskein.windows import CENTRE, REPORT, SETTLED, Window
 
 __all__ = ["estimate"]
 
+# White jerk along and across the flight, as shares of the density that the detector asks for: thrust changes slowly,
+# bank fast.
+ALONG_SHARE: Final = 0.25
+ACROSS_SHARE: Final = 2.5
 # Below this an aircraft has no direction worth the name: hovering, or standing. [m/s]
 HOVER_MPS: Final = 15.0
 
@@ -99,7 +103,7 @@ class _Forward:
             x, P = self.x[:, :m], self.P[:, :m]
             time = self.window.time_s[k, :m]
             step = _Step(m, time - self.t[:m])
-            kalman.predict(x, P, step.h, q[k, :m])
+            coordinated_turn.predict(x, P, step.h, ALONG_SHARE * q[k, :m], ACROSS_SHARE * q[k, :m])
             self.t[:m] = time
             reports = self.reports.round(k, m)
             if reports.is_report.any():
@@ -130,8 +134,11 @@ class _Forward:
         step.updates.append((0, kalman.apply(x, P, i, ok)))
         has_velocity = ok & r.has_velocity
         if has_velocity.any():
-            rv = r.velocity_variance + r.time_variance * (x[4] ** 2 + x[5] ** 2)
-            iv = kalman.innovation(x, P, 2, r.v_east, r.v_north, rv, np.zeros(m), rv)
+            # And of a velocity along an acceleration.
+            ax, ay, tv = x[4], x[5], r.time_variance
+            r00 = r.velocity_variance + tv * (ax * ax + P[20])
+            r11 = r.velocity_variance + tv * (ay * ay + P[23])
+            iv = kalman.innovation(x, P, 2, r.v_east, r.v_north, r00, tv * (ax * ay + P[21]), r11)
             step.updates.append((2, kalman.apply(x, P, iv, has_velocity & (iv.d2 <= GATE))))
 
     def _reopen(

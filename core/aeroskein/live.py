@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein import kalman
+from aeroskein import kalman, manoeuvre
 from aeroskein.lanes import continues
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
@@ -59,7 +59,7 @@ class LiveProduct:
     def __init__(self, capacity: int, altitude_sigma_m: Array) -> None:
         sensors = len(altitude_sigma_m)
         self._altitude_sigma_m = altitude_sigma_m
-        self.bank = ModeBank(capacity, sensors)
+        self.bank = ModeBank(capacity, sensors, manoeuvre.LIVE)
         self.vertical = VerticalFilter(capacity)
         # Since the last live point: accepted reports per sensor, and refused ones.
         self.sources = np.zeros((capacity, sensors), dtype=np.int32)

@@ -1,34 +1,76 @@
 """Which way is the aircraft moving: a linear IMM of three models, for the live state and for manoeuvre detection.
 
-Interacting multiple models (Blom & Bar-Shalom 1988) over one six-component state: steady flight (white acceleration),
-gentle manoeuvre (white jerk) and hard manoeuvre (stronger white jerk). The live product publishes the mixture; the
-element estimator takes from it only the density of jerk that the flight shows, second by second. Mixing is written by
-pairs of models, so that no outer product depends on the mixed mean; the tests check it against the textbook form.
+Interacting multiple models (Blom & Bar-Shalom 1988) over one six-component state, in two sets. The *detector* knows
+steady flight (white acceleration), gentle and hard manoeuvres (white jerk); the element estimator takes from it only
+the density of jerk that the flight shows, second by second. The *live* set knows steady flight, turns at constant speed
+and changes of speed; its mixture is the live product. Mixing is written by pairs of models, so that no outer product
+depends on the mixed mean; the tests check it against the textbook form.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from aeroskein import kalman
+from aeroskein import coordinated_turn, kalman
 from aeroskein.plots import Array, Bools
 
-__all__ = ["JERK_DENSITY", "MODELS", "START", "initial", "jerk_density", "mixture", "step"]
+__all__ = [
+    "DETECTOR", "JERK_DENSITY", "LIVE", "MODELS", "START", "ModelSet", "initial", "jerk_density", "mixture", "step",
+]  # fmt: skip
 
 MODELS: Final = 3
 
 # Steady: acceleration as white noise of (0.05 m/s²)² per hertz, what gusts and an autopilot leave.
 STEADY_ACCELERATION_DENSITY: Final = 0.05**2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelSet:
+    """Three models that run side by side; the first is steady flight.
+
+    Attributes
+    ----------
+    rates : (3, 3) array
+        Transition rates, row = from, column = to. [1/s]
+    along, across : (3,) arrays
+        Density of white jerk along and across the flight. [m²/s⁵]
+    turns : bool
+        Whether states are moved as in a turn, and the second model is a turn at constant speed: it has no acceleration
+        along the flight but what steady flight has.
+    """
+
+    rates: Array
+    along: Array
+    across: Array
+    turns: bool
+
+
 # Gentle and hard: white jerk; (2 m/s³)² per hertz follows the roll-in of a standard-rate turn within two seconds.
-FILTER_JERK_DENSITY: Final = np.array([0.0, 0.2**2, 2.0**2])
-# Transition rates per second, row = from, column = to: steady flight lasts minutes, a roll-in seconds.
-RATES: Final = np.array([[0.0, 0.004, 0.012], [0.01, 0.0, 0.03], [0.05, 0.15, 0.0]])
+# Steady flight lasts minutes, a roll-in seconds.
+DETECTOR: Final = ModelSet(
+    rates=np.array([[0.0, 0.004, 0.012], [0.01, 0.0, 0.03], [0.05, 0.15, 0.0]]),
+    along=np.array([0.0, 0.2**2, 2.0**2]),
+    across=np.array([0.0, 0.2**2, 2.0**2]),
+    turns=False,
+)
+# Turn at constant speed: the bank that makes 3 degrees a second at 130 m/s comes and goes within five seconds, that is
+# 1.4 m/s³. Change of speed: thrust takes seconds to come, 0.3 m/s³, and the flight is straight or nearly so. A turn
+# begins every two minutes and lasts one.
+LIVE: Final = ModelSet(
+    rates=np.array([[0.0, 0.008, 0.004], [0.02, 0.0, 0.004], [0.05, 0.05, 0.0]]),
+    along=np.array([0.0, 0.0, 0.3**2]),
+    across=np.array([0.0, 1.2**2, 0.3**2]),
+    turns=True,
+)
 # Before anything is known.
 START: Final = np.array([0.80, 0.15, 0.05])
 # The jerk that a smoother should allow for in each mode: less than the filter's, for it sees both sides. [m²/s⁵]
 JERK_DENSITY: Final = np.array([0.02**2, 0.1**2, 1.0**2])
+# What transitions alone keep the probabilities of the manoeuvres at where nothing happens; only more is evidence.
+IDLE_PROBABILITY: Final = 0.02
 # A model never vanishes wholly, or it could not come back.
 LOWEST_PROBABILITY: Final = 1e-6
 
@@ -41,18 +83,18 @@ def initial(x: Array, P: Array) -> tuple[Array, Array, Array]:
     return xs, Ps, np.repeat(START[:, None], n, axis=1)
 
 
-def transition(h: Array) -> Array:
+def transition(h: Array, models: ModelSet = DETECTOR) -> Array:
     """Transition probabilities over ``h`` ``(n,)`` [s] as ``(3, 3, n)``, from row to column."""
-    r = RATES[:, :, None]
+    r = models.rates[:, :, None]
     T = r * h / (1.0 + 2.0 * r * h)
     for i in range(MODELS):
         T[i, i] = 1.0 - T[i].sum(axis=0)
     return T
 
 
-def _mix(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
+def _mix(x: Array, P: Array, mu: Array, h: Array, models: ModelSet) -> tuple[Array, Array, Array]:
     """States, covariances and predicted probabilities after the models have interacted over ``h``."""
-    T = transition(h)
+    T = transition(h, models)
     c = np.einsum("ijn,in->jn", T, mu)
     W = T * (mu[:, None, :] / c[None])
     mixed_x = np.einsum("cin,ijn->cjn", x, W)
@@ -68,20 +110,29 @@ def _mix(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
     return mixed_x, np.einsum("cin,ijn->cjn", S, weights), c
 
 
-def predict(x: Array, P: Array, mu: Array, h: Array) -> tuple[Array, Array, Array]:
+def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR) -> tuple[Array, Array, Array]:
     """Mix and move all models by ``h`` ``(n,)`` [s]; returns new ``x, P, mu``. Lanes with ``h = 0`` keep theirs."""
-    x, P, mu = _mix(x, P, mu, h)
+    x, P, mu = _mix(x, P, mu, h, models)
     # The steady model carries no acceleration.
     x[4:6, 0] = 0.0
     P[[4, 5, 10, 11, 14, 15, 18, 19, 20, 21, 22, 23], 0] = 0.0
-    kalman.predict(x, P, h, FILTER_JERK_DENSITY[:, None])
-    q = STEADY_ACCELERATION_DENSITY * h
-    for first, second, value in ((0, 7, q * h * h / 3.0), (2, 9, q * h / 2.0), (12, 17, q)):
-        P[first, 0] += value
-        P[second, 0] += value
+    if models.turns:
+        coordinated_turn.keep_across(x[:, 1], P[:, 1], h > 0.0)
+        coordinated_turn.predict(x, P, h, models.along[:, None], models.across[:, None])
+        _add_white_acceleration(P[:, 1], h)
+    else:
+        kalman.predict(x, P, h, models.along[:, None])
+    _add_white_acceleration(P[:, 0], h)
     # Keeps the steady model's acceleration block regular; far below anything measurable.
     P[[20, 23], 0] += 1e-4
     return x, P, mu
+
+
+def _add_white_acceleration(P: Array, h: Array) -> None:
+    q = STEADY_ACCELERATION_DENSITY * h
+    for first, second, value in ((0, 7, q * h * h / 3.0), (2, 9, q * h / 2.0), (12, 17, q)):
+        P[first] += value
+        P[second] += value
 
 
 def _reweigh(mu: Array, g: kalman.Gains) -> Array:
@@ -140,9 +191,12 @@ def step(
     mu = _reweigh(mu, kalman.apply(x, P, i, ok))
     has_velocity = ok & np.isfinite(velocity_variance)
     if has_velocity.any():
-        rv = np.where(has_velocity, velocity_variance, 1.0) + time_variance * (x[4] ** 2 + x[5] ** 2)
+        rv, ax, ay = np.where(has_velocity, velocity_variance, 1.0), x[4], x[5]
+        r00 = rv + time_variance * (ax * ax + P[20])
+        r01 = time_variance * (ax * ay + P[21])
+        r11 = rv + time_variance * (ay * ay + P[23])
         z = np.where(has_velocity, z, 0.0)  # a NaN times a gain of zero would still be a NaN
-        iv = innovation(x, P, 2, z[2], z[3], rv, np.zeros_like(rv), rv, lag)
+        iv = innovation(x, P, 2, z[2], z[3], r00, r01, r11, lag)
         has_velocity &= iv.d2.min(axis=0) <= gate
         mu = _reweigh(mu, kalman.apply(x, P, iv, has_velocity))
     return mu, ok, nearest, i
@@ -169,4 +223,5 @@ def mixture(x: Array, P: Array, mu: Array) -> tuple[Array, Array]:
 
 def jerk_density(mu: Array) -> Array:
     """Density of jerk ``(n,)`` that the mode probabilities ``(3, n)`` ask a smoother to allow for. [m²/s⁵]"""
-    return JERK_DENSITY @ mu
+    evidence = np.maximum(mu[1:] - IDLE_PROBABILITY, 0.0) / (1.0 - IDLE_PROBABILITY)
+    return np.asarray(JERK_DENSITY[0] + JERK_DENSITY[1:] @ evidence)

@@ -25,9 +25,12 @@ ROW: Final = _X + _P + manoeuvre.MODELS
 class ModeWork:
     """Some tracks' models, turned for work: ``x (6, 3, n)``, ``P (24, 3, n)``, ``mu (3, n)``, times ``(n,)``."""
 
-    def __init__(self, x: Array, P: Array, mu: Array, time_s: Array, memory: GateMemory) -> None:
+    def __init__(
+        self, x: Array, P: Array, mu: Array, time_s: Array, memory: GateMemory, models: manoeuvre.ModelSet
+    ) -> None:
         self.x, self.P, self.mu, self.time_s = x, P, mu, time_s
         self.memory = memory
+        self._models = models
 
     def predict(self, time_s: Array) -> Array:
         """Move the first ``len(time_s)`` lanes forward to these times, never back; returns how far each lags behind."""
@@ -36,9 +39,9 @@ class ModeWork:
         lag = np.maximum(-h, 0.0)
         np.maximum(h, 0.0, out=h)
         if m == len(self.time_s):
-            self.x, self.P, self.mu = manoeuvre.predict(self.x, self.P, self.mu, h)
+            self.x, self.P, self.mu = manoeuvre.predict(self.x, self.P, self.mu, h, self._models)
         else:
-            x, P, mu = manoeuvre.predict(self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m], h)
+            x, P, mu = manoeuvre.predict(self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m], h, self._models)
             self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m] = x, P, mu
         self.time_s[:m] += h
         return lag
@@ -116,14 +119,15 @@ class ModeWork:
 class ModeBank:
     """The models of all tracks at rest: ``rows (capacity, 93)``, ``time_s (capacity,)``, gates."""
 
-    def __init__(self, capacity: int, sensors: int) -> None:
+    def __init__(self, capacity: int, sensors: int, models: manoeuvre.ModelSet) -> None:
+        self._models = models
         self.rows = np.zeros((capacity, ROW))
         self.time_s = np.full(capacity, -np.inf)
         self.memory = GateMemory.empty(capacity, sensors)
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""
-        more = ModeBank(capacity - len(self.rows), self.memory.misses.shape[1])
+        more = ModeBank(capacity - len(self.rows), self.memory.misses.shape[1], self._models)
         self.rows = np.concatenate([self.rows, more.rows])
         self.time_s = np.concatenate([self.time_s, more.time_s])
         self.memory = GateMemory(
@@ -135,7 +139,7 @@ class ModeBank:
         """Begin tracks with one state ``(6, n)`` and covariance ``(24, n)`` each."""
         xs, Ps, mu = manoeuvre.initial(x, P)
         memory = GateMemory.empty(len(slots), self.memory.misses.shape[1])
-        self.put(slots, ModeWork(xs, Ps, mu, time_s, memory))
+        self.put(slots, ModeWork(xs, Ps, mu, time_s, memory, self._models))
 
     def take(self, slots: Ints) -> ModeWork:
         """The models of some tracks, turned for work; ``put`` them back to keep what was done."""
@@ -147,6 +151,7 @@ class ModeBank:
             turned[_X + _P :],
             self.time_s[slots],
             self.memory.take(slots),
+            self._models,
         )
 
     def put(self, slots: Ints, work: ModeWork) -> None:

@@ -66,7 +66,7 @@ class Table:
 
 def densities(track: Measurements) -> np.ndarray:
     """What the detector finds at each report, one after the other in order of time."""
-    bank, x, P = ModeBank(1, 3), *first_state(track.take(np.array([0])))
+    bank, x, P = ModeBank(1, 3, manoeuvre.DETECTOR), *first_state(track.take(np.array([0])))
     bank.start(np.array([0]), x, P, track.time_s[:1].copy())
     found = np.zeros(len(track))
     for k in range(1, len(track)):

@@ -81,7 +81,9 @@ def measured(m: plain.Models, z: np.ndarray, base: np.ndarray, tv: float, rv: fl
         log_l[i] = -0.5 * (done.d2 + np.log(done.det))
         if np.isfinite(rv):
             a = x[i, 4:]
-            done = plain.update(x[i], P[i], z[2:], (rv + tv * a @ a) * np.eye(2), plain.lagging(lag, 2))
+            done = plain.update(
+                x[i], P[i], z[2:], rv * np.eye(2) + tv * (np.outer(a, a) + P[i, 4:, 4:]), plain.lagging(lag, 2)
+            )
             x[i], P[i] = done.x, done.P
             log_l[i] -= 0.5 * (done.d2 + np.log(done.det))
     mu = m.mu * np.exp(log_l - log_l.max())

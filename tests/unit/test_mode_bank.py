@@ -18,7 +18,7 @@ def bank(n: int, seed: int = 1, speed_mps: float = 100.0) -> ModeBank:
     x = np.zeros((6, n))
     x[:2], x[2] = rng.uniform(-2e4, 2e4, (2, n)), speed_mps
     P = np.broadcast_to(np.diag([25.0, 25.0, 4.0, 4.0, 0.04, 0.04]), (n, 6, 6))
-    made = ModeBank(n, SENSORS)
+    made = ModeBank(n, SENSORS, manoeuvre.DETECTOR)
     made.start(np.arange(n), x, kalman.from_matrix(P), np.zeros(n))
     return made
 

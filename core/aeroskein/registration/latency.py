@@ -26,8 +26,8 @@ PRIOR_SIGMA_S: Final = 0.3
 DRIFT_S_PER_ROOT_S: Final = 0.0005
 # Squared distance beyond which a plot is an outlier.
 GATE: Final = 16.0
-# Odds against an aircraft's being one of the few, before anything is known of it. Long, because a correction that is not
-# needed does harm: with these, evidence of four sigma is needed.
+# How likely an aircraft is one of the few before anything is known of it. Small, because a correction that is not
+# needed does harm: with this, evidence of four sigma is needed.
 LATE_SHARE: Final = 0.003
 # Nothing is applied before the latency is known to this. [s]
 KNOWN_SIGMA_S: Final = 0.07

@@ -1,0 +1,101 @@
+"""Coordinated turns on the six-component state: what a turn does to an acceleration, and where its noise lies.
+
+A constant acceleration in a fixed direction is no turn: in a turn it keeps its direction *relative to the flight*. With
+the turn rate w = (v x a) / v² of the state itself that is a jerk w J a, known as far as the state is, which the mean is
+moved by; the covariance is that of constant acceleration. And pilots and autopilots change the acceleration across the
+flight (bank) much faster than along it (thrust), so white jerk has two densities. Both together are the constant turn
+rate and acceleration model in linear form: one predict serves turns and straight flight, and smoothing stays exact.
+State and covariance rows are those of ``kalman``.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from aeroskein import kalman
+from aeroskein.plots import Array, Bools
+
+__all__ = ["keep_across", "predict"]
+
+# Slower, a direction of flight is noise: an aircraft may then accelerate any way. [m/s]
+SLOWEST_MPS: Final = 30.0
+# Turn rates are taken for at least this speed, and no higher than this, twice a standard-rate turn. [m/s], [rad/s]
+TURN_SPEED_MIN_MPS: Final = 60.0
+TURN_RATE_MAX_RADPS: Final = 0.12
+
+# Rows of the covariance by block (p-p, p-v, p-a, v-v, v-a, a-a): east-east, east-north, north-east, north-north.
+_BLOCKS: Final = ((0, 1, 6, 7), (2, 3, 8, 9), (4, 5, 10, 11), (12, 13, 16, 17), (14, 15, 18, 19), (20, 21, 22, 23))
+# The rows of an acceleration east and north beside the same other component.
+_ACCELERATION_PAIRS: Final = ((4, 5), (10, 11), (14, 15), (18, 19))
+
+
+def predict(x: Array, P: Array, h: Array, along: Array, across: Array) -> None:
+    """Move states by ``h`` in a turn at constant rate and acceleration with white jerk, in place.
+
+    Parameters
+    ----------
+    x, P : (6, ..., n), (24, ..., n) arrays
+        States and covariances in block-upper rows.
+    h : (n,) array
+        Time steps; zero leaves a lane as it is. [s]
+    along, across : (..., n) arrays
+        Power spectral density of the jerk along and across the flight; their mean either way where there is no
+        direction. [m²/s⁵]
+    """
+    ee, en, nn = _across_squares(x)
+    rate = _turn_rate(x)
+    jerk_e, jerk_n = -rate * x[5], rate * x[4]
+    kalman.predict(x, P, h, along)
+    g = 0.5 * h * h
+    k = g * h / 3.0
+    for first, weight in ((0, k), (2, g), (4, h)):
+        x[first] += weight * jerk_e
+        x[first + 1] += weight * jerk_n
+    more = (across - along) * h
+    ee, en, nn = more * ee, more * en, more * nn
+    h2 = h * h
+    weights = (h2 * h2 / 20.0, h2 * h / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h, np.ones_like(h))
+    for rows, weight in zip(_BLOCKS, weights, strict=True):
+        for row, part in zip(rows, (ee, en, en, nn), strict=True):
+            P[row] += weight * part
+
+
+def keep_across(x: Array, P: Array, where: Bools) -> None:
+    """Take out of states ``(6, n)`` and covariances ``(24, n)`` all acceleration along the flight, in place.
+
+    Lanes that are not in ``where`` ``(n,)`` keep theirs.
+    """
+    # I - f f' with f along the flight, and the unit matrix where nothing is to be done.
+    e, n = _across(x)
+    ee, en, nn = np.where(where, e * e, 1.0), np.where(where, e * n, 0.0), np.where(where, n * n, 1.0)
+    x[4], x[5] = ee * x[4] + en * x[5], en * x[4] + nn * x[5]
+    for i, j in _ACCELERATION_PAIRS:
+        P[i], P[j] = ee * P[i] + en * P[j], en * P[i] + nn * P[j]
+    across_e, across_n = ee * P[20] + en * P[21], ee * P[21] + en * P[23]
+    beside_n = en * P[21] + nn * P[23]
+    P[20], P[23] = across_e * ee + across_n * en, (en * P[20] + nn * P[21]) * en + beside_n * nn
+    P[21] = P[22] = across_e * en + across_n * nn
+
+
+def _across(x: Array) -> tuple[Array, Array]:
+    """Unit vector to the left of the flight; zero where there is no direction."""
+    speed = np.hypot(x[2], x[3])
+    one = (speed >= SLOWEST_MPS) / np.maximum(speed, SLOWEST_MPS)
+    return -x[3] * one, x[2] * one
+
+
+def _across_squares(x: Array) -> tuple[Array, Array, Array]:
+    """Products ee, en, nn of the unit vector across; half the unit matrix where there is no direction."""
+    e, n = _across(x)
+    ee, nn = e * e, n * n
+    aimless = 0.5 * (1.0 - ee - nn)
+    return ee + aimless, e * n, nn + aimless
+
+
+def _turn_rate(x: Array) -> Array:
+    """Turn rate, counter-clockwise. [rad/s]"""
+    square = np.maximum(x[2] * x[2] + x[3] * x[3], TURN_SPEED_MIN_MPS**2)
+    rate = (x[2] * x[5] - x[3] * x[4]) / square
+    return np.asarray(np.clip(rate, -TURN_RATE_MAX_RADPS, TURN_RATE_MAX_RADPS))
