@@ -117,7 +117,7 @@ def gathering(batches: int, reports: int) -> None:
     payload = encode_batch(adsb(reports), sensor_id="adsb", epoch=1, seq=2, sent_s=NOW_S)
 
     def work() -> object:
-        opened = [open_batch(payload, MSGPACK, sensor_id="adsb") for _ in range(batches)]
+        opened = [open_batch(payload, MSGPACK, sensor_id="adsb", packed=True) for _ in range(batches)]
         return gather(opened, sensors=[0] * batches, received_s=[NOW_S] * batches)
 
     n = batches * reports

@@ -75,7 +75,7 @@ class Pipeline:
         """One second of the service."""
         arrived = list(payloads)
         sensors = [self._index[sensor] for sensor, _ in arrived]
-        opened = [open_batch(payload, MSGPACK, sensor_id=sensor) for sensor, payload in arrived]
+        opened = [open_batch(payload, MSGPACK, sensor_id=sensor, packed=True) for sensor, payload in arrived]
         plots = gather(opened, sensors=sensors, received_s=[now_s] * len(opened)).plots
         self.reports += len(plots)
         if len(plots):

@@ -8,15 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from aeroskein.plots import Plots
 from aeroskein.reasons import Reason
 from aeroskein_service.batch_decoder import OpenBatch, open_batch
-from aeroskein_service.report_columns import Columns, columns_of
+from aeroskein_service.report_columns import Columns, columns_of, judged
+from aeroskein_service.report_shapes import plots_of
 
 __all__ = ["DecodedBatch", "Gathered", "decode_batch", "gather"]
 
@@ -44,6 +44,8 @@ class Gathered:
 def gather(batches: Sequence[OpenBatch], *, sensors: Sequence[int], received_s: Sequence[float]) -> Gathered:
     """Make columns of all reports of these batches and check their values.
 
+    Reports that came packed stand together by their shape, the others after them, both in order.
+
     Parameters
     ----------
     batches : sequence of OpenBatch
@@ -53,19 +55,43 @@ def gather(batches: Sequence[OpenBatch], *, sensors: Sequence[int], received_s: 
     received_s : sequence of float
         Arrival of each batch. [s since the epoch]
     """
+    groups: dict[int, list[int]] = {}
+    for index, batch in enumerate(batches):
+        if batch.rows is not None:
+            groups.setdefault(id(batch.rows.shape), []).append(index)
+    parts = [_packed([batches[i] for i in group], group, sensors, received_s) for group in groups.values()]
     reports = list(chain.from_iterable(batch.reports for batch in batches))
-    if not reports:
-        return Gathered()
-    lengths = [len(batch.reports) for batch in batches]
-    sensor = np.repeat(np.array(sensors, dtype=np.int16), lengths)
-    columns = columns_of(reports, received_s=np.repeat(received_s, lengths), sensor=sensor)
-    if not columns.reasons.any() and columns.bad_callsign is None and columns.bad_mode_a is None:
-        return Gathered(columns.plots)
-    return Gathered(columns.plots.take(columns.reasons == Reason.ACCEPTED), _counts(columns, sensor))
+    if reports:
+        lengths = [len(batch.reports) for batch in batches]
+        sensor = np.repeat(np.array(sensors, dtype=np.int16), lengths)
+        parts.append(columns_of(reports, received_s=np.repeat(received_s, lengths), sensor=sensor))
+    rejected: dict[tuple[int, Reason], int] = {}
+    good = []
+    for part in parts:
+        if part.reasons.any() or part.bad_callsign is not None or part.bad_mode_a is not None:
+            for reason, many in _counts(part).items():
+                rejected[reason] = rejected.get(reason, 0) + many
+            good.append(part.plots.take(part.reasons == Reason.ACCEPTED))
+        else:
+            good.append(part.plots)
+    return Gathered(Plots.concatenate(good), rejected) if good else Gathered()
 
 
-def _counts(columns: Columns, sensor: NDArray[Any]) -> dict[tuple[int, Reason], int]:
-    kinds = len(Reason)
+def _packed(
+    batches: Sequence[OpenBatch], places: Sequence[int], sensors: Sequence[int], received_s: Sequence[float]
+) -> Columns:
+    """Columns of batches whose reports all have the same shape."""
+    rows = [batch.rows for batch in batches if batch.rows is not None]
+    lengths = [len(part.matrix) for part in rows]
+    matrix = rows[0].matrix if len(rows) == 1 else np.concatenate([part.matrix for part in rows])
+    plots, bad_callsign, bad_mode_a = plots_of(rows[0].shape, matrix)
+    plots.sensor = np.repeat(np.array([sensors[i] for i in places], dtype=np.int16), lengths)
+    plots.received_s = np.repeat(np.array([received_s[i] for i in places]), lengths)
+    return judged(plots, bad_callsign, bad_mode_a)
+
+
+def _counts(columns: Columns) -> dict[tuple[int, Reason], int]:
+    kinds, sensor = len(Reason), columns.plots.sensor
     codes = [(sensor.astype(np.int64) * kinds + columns.reasons)[columns.reasons != Reason.ACCEPTED]]
     for reason, bad in ((Reason.BAD_CALLSIGN, columns.bad_callsign), (Reason.BAD_MODE_A, columns.bad_mode_a)):
         if bad is not None:

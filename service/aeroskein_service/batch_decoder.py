@@ -1,6 +1,7 @@
 """Report batches from bytes: one payload becomes reports, and what is wrong with it becomes counts, never an error.
 
-The fast path decodes the whole payload with one typed msgspec decoder. Only when that fails is the batch taken apart:
+The fast path decodes the whole payload with one typed msgspec decoder, or, where the reports are to become columns and
+all have one shape, leaves them as they are (``report_shapes``). Only when that fails is the batch taken apart:
 first the envelope, whose faults cost the batch, then each report by itself, whose faults cost that report.
 """
 
@@ -15,7 +16,8 @@ from typing import Any, Final, cast
 import msgspec
 
 from aeroskein.reasons import Reason
-from aeroskein_service.messages import BATCH_REPORTS, JSON, MSGPACK, VERSION, Report, ReportBatch
+from aeroskein_service.messages import BATCH_REPORTS, JSON, MSGPACK, VERSION, NonNegative, Report, ReportBatch
+from aeroskein_service.report_shapes import Rows, rows_of
 
 __all__ = ["OpenBatch", "lenient_json", "media_type", "open_batch", "read_report"]
 
@@ -42,6 +44,20 @@ class _Envelope(msgspec.Struct):
     reports: msgspec.Raw = msgspec.Raw()
 
 
+class _Packed(msgspec.Struct, gc=False):
+    """A batch as ``ReportBatch`` has it, whose reports are left as they are."""
+
+    version: int
+    epoch: NonNegative
+    seq: NonNegative
+    reports: msgspec.Raw
+    sensor: str | None = None
+    sent_s: float | None = None
+
+
+_PACKED: Final = msgspec.msgpack.Decoder(_Packed)
+
+
 @dataclass(slots=True)
 class OpenBatch:
     """What one payload contained, before its reports become columns.
@@ -57,6 +73,8 @@ class OpenBatch:
         The batch's place in its sensor's sequence; None where it could not be read.
     sent_s : float or None
         When the sensor says it sent the batch. [s since the epoch]
+    rows : Rows or None
+        The reports where they were left packed because all have one shape; ``reports`` is empty then.
     error : str or None
         Why the whole batch was rejected, as one sentence; None where it was not.
     """
@@ -66,6 +84,7 @@ class OpenBatch:
     epoch: int | None = None
     seq: int | None = None
     sent_s: float | None = None
+    rows: Rows | None = None
     error: str | None = None
 
 
@@ -82,7 +101,7 @@ def media_type(encoding: str) -> str:
     return encoding.partition(";")[0].strip().lower()
 
 
-def open_batch(payload: bytes, encoding: str, *, sensor_id: str) -> OpenBatch:
+def open_batch(payload: bytes, encoding: str, *, sensor_id: str, packed: bool = False) -> OpenBatch:
     """Decode one report batch. Never raises: whatever is wrong comes back as counts and a sentence.
 
     Parameters
@@ -93,17 +112,19 @@ def open_batch(payload: bytes, encoding: str, *, sensor_id: str) -> OpenBatch:
         As received, with or without ``;schema``.
     sensor_id : str
         The sensor in the key, which is the truth.
+    packed : bool
+        Whether reports of one shape may stay packed, for ``gather``.
     """
     batch = OpenBatch()
     try:
-        batch.reports = _open(batch, payload, encoding, sensor_id)
+        batch.reports = _open(batch, payload, encoding, sensor_id, packed)
     except _WholeBatchError as error:
         batch.error = str(error)
         batch.rejected = {error.reason: 1}
     return batch
 
 
-def _open(decoded: OpenBatch, payload: bytes, encoding: str, sensor_id: str) -> list[Report]:
+def _open(decoded: OpenBatch, payload: bytes, encoding: str, sensor_id: str, packed: bool) -> list[Report]:
     """Read envelope and reports; what is wrong with single reports is counted in ``decoded``."""
     decoder = _DECODERS.get(media_type(encoding))
     if decoder is None:
@@ -113,12 +134,26 @@ def _open(decoded: OpenBatch, payload: bytes, encoding: str, sensor_id: str) -> 
             Reason.TOO_MANY_REPORTS, f"the payload has {len(payload)} bytes, at most {PAYLOAD_BYTES} are read"
         )
     try:
+        if packed and media_type(encoding) == MSGPACK and _left_packed(decoded, payload, sensor_id):
+            return []
         batch: ReportBatch = decoder.decode(payload)
     except _DECODE_ERRORS:
         return _open_slowly(decoded, payload, media_type(encoding), sensor_id)
     _check_envelope(decoded, batch, sensor_id)
     _check_size(len(batch.reports))
     return batch.reports
+
+
+def _left_packed(decoded: OpenBatch, payload: bytes, sensor_id: str) -> bool:
+    """Whether the reports have one shape and the envelope is good; the rows are then in ``decoded``."""
+    batch = _PACKED.decode(payload)
+    rows = rows_of(bytes(batch.reports))
+    if rows is None:
+        return False
+    _check_envelope(decoded, batch, sensor_id)
+    _check_size(len(rows.matrix))
+    decoded.rows = rows
+    return True
 
 
 def _check_size(reports: int) -> None:
@@ -130,7 +165,7 @@ def _check_size(reports: int) -> None:
         raise _WholeBatchError(Reason.MALFORMED, "the batch has no reports")
 
 
-def _check_envelope(decoded: OpenBatch, batch: ReportBatch | _Envelope, sensor_id: str) -> None:
+def _check_envelope(decoded: OpenBatch, batch: ReportBatch | _Packed | _Envelope, sensor_id: str) -> None:
     if batch.version != VERSION or isinstance(batch.version, bool):
         raise _WholeBatchError(Reason.BAD_VERSION, f"version {_shown(batch.version)} is unknown, expected {VERSION}")
     for name in ("epoch", "seq"):

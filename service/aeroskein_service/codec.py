@@ -1,6 +1,6 @@
 """Bytes in, columns out, and back: what stands between a payload and the core, as the rest of the service uses it.
 
-``batch_decoder`` and ``batch_columns`` read report batches, ``batch_encoder`` writes them for sensors;
+``batch_decoder``, ``report_shapes`` and ``batch_columns`` read report batches, ``batch_encoder`` writes them for sensors;
 ``point_encoder`` writes fused points, ``point_decoder`` reads them for consumers; ``replies`` writes the rest.
 """
 

@@ -23,6 +23,7 @@ __all__ = [
     "Encoding",
     "Feed",
     "FusedPoint",
+    "NonNegative",
     "RegistrationMessage",
     "Report",
     "ReportBatch",
@@ -52,7 +53,7 @@ FLAG_NAMES: Final = (
     "on_ground",
 )
 
-_Int64 = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+NonNegative = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 # Wide enough to say "out of range" about, narrow enough for an int8 column.
 _Category = Annotated[int, msgspec.Meta(ge=0, le=127)]
 
@@ -74,7 +75,7 @@ class Report(msgspec.Struct, gc=False, omit_defaults=True):
     heading_deg: float | None = None
     position_sigma_m: float | None = None
     velocity_sigma_mps: float | None = None
-    local_track: _Int64 | None = None
+    local_track: NonNegative | None = None
     nac_p: _Category | None = None
     nac_v: _Category | None = None
     nic: _Category | None = None
@@ -91,8 +92,8 @@ class ReportBatch(msgspec.Struct, gc=False):
     """Reports of one sensor, as it sends them; ``sensor`` may be left out, the key names it."""
 
     version: int
-    epoch: _Int64
-    seq: _Int64
+    epoch: NonNegative
+    seq: NonNegative
     reports: list[Report]
     sensor: str | None = None
     sent_s: float | None = None

@@ -20,7 +20,18 @@ from aeroskein.cleaning import BAD_ADDRESS_MARK, check_values
 from aeroskein.plots import ON_GROUND, SIMULATED, SPI, Array, Plots
 from aeroskein_service.messages import Report
 
-__all__ = ["Columns", "columns_of", "parse_address", "parse_callsign", "parse_mode_a"]
+__all__ = [
+    "FLAGS",
+    "NUMBERS",
+    "QUALITIES",
+    "Columns",
+    "Texts",
+    "columns_of",
+    "judged",
+    "parse_address",
+    "parse_callsign",
+    "parse_mode_a",
+]
 
 # Aircraft seen by one service within hours; a text that was forgotten is only parsed again.
 CACHE_ENTRIES: Final = 65_536
@@ -30,23 +41,31 @@ _CALLSIGN: Final = re.compile(r"[ -~]{1,8}")
 _MODE_A: Final = re.compile(r"[0-7]{4}")
 
 # The number columns are the first fields of a report; received_s is not among them, the sensor does not send it.
-_NUMBERS: Final = Report.__struct_fields__[: Report.__struct_fields__.index("local_track")]
-_QUALITIES: Final = ("nac_p", "nac_v", "nic", "sil")
-_FLAGS: Final = (("on_ground", ON_GROUND), ("simulated", SIMULATED), ("spi", SPI))
+NUMBERS: Final = Report.__struct_fields__[: Report.__struct_fields__.index("local_track")]
+QUALITIES: Final = ("nac_p", "nac_v", "nic", "sil")
+FLAGS: Final = (("on_ground", ON_GROUND), ("simulated", SIMULATED), ("spi", SPI))
 _FIELD: Final = {name: index for index, name in enumerate(Report.__struct_fields__)}
 
 _T = TypeVar("_T")
+_Text = TypeVar("_Text")
 
 
-class _Texts(dict[str | None, _T], Generic[_T]):
-    """A bounded cache from a text on the wire to its value in a column."""
+class Texts(dict[_Text | None, _T | None], Generic[_Text, _T]):
+    """A bounded cache from a text on the wire to its value in a column, None where it is unreadable."""
 
-    def __init__(self, parse: Callable[[str], _T], missing: _T) -> None:
+    def __init__(self, parse: Callable[[_Text], _T | None], missing: _T) -> None:
         super().__init__({None: missing})
         self._parse = parse
         self._absent = missing
 
-    def __missing__(self, text: str) -> _T:
+    def of(self, texts: Sequence[_Text | None], missing: _T) -> tuple[list[_T], NDArray[np.bool_] | None]:
+        """Values with the unreadable ones left out, and which those were; None where all were readable."""
+        values = [self[text] for text in texts]
+        if None not in values:
+            return cast(list[_T], values), None
+        return [missing if v is None else v for v in values], np.array([v is None for v in values])
+
+    def __missing__(self, text: _Text) -> _T | None:
         if len(self) > CACHE_ENTRIES:
             self.clear()
             self[None] = self._absent
@@ -72,9 +91,9 @@ def parse_mode_a(text: str) -> int | None:
     return int(text, 8) if _MODE_A.fullmatch(text) else None
 
 
-_ADDRESSES: Final = _Texts(parse_address, -1)
-_CALLSIGNS: Final[_Texts[bytes | None]] = _Texts(parse_callsign, b"")
-_MODES_A: Final[_Texts[int | None]] = _Texts(parse_mode_a, -1)
+_ADDRESSES: Final[Texts[str, int]] = Texts(parse_address, -1)
+_CALLSIGNS: Final[Texts[str, bytes]] = Texts(parse_callsign, b"")
+_MODES_A: Final[Texts[str, int]] = Texts(parse_mode_a, -1)
 
 
 class Columns(NamedTuple):
@@ -116,14 +135,14 @@ def columns_of(reports: Sequence[msgspec.Struct], *, received_s: float | Array, 
         return Columns(Plots.of(0), np.zeros(0, dtype=np.uint8), None, None)
     fields = list(zip(*map(msgspec.structs.astuple, reports), strict=True))
     numbers = _numbers(fields, n)
-    qualities = np.full((len(_QUALITIES), n), -1, dtype=np.int8)
-    for row, name in enumerate(_QUALITIES):
+    qualities = np.full((len(QUALITIES), n), -1, dtype=np.int8)
+    for row, name in enumerate(QUALITIES):
         values = fields[_FIELD[name]]
         if values.count(None) != n:
             qualities[row] = [-1 if v is None else v for v in values]
-    callsign, bad_callsign = _dropped(fields[_FIELD["callsign"]], _CALLSIGNS, b"")
-    mode_a, bad_mode_a = _dropped(fields[_FIELD["mode_a"]], _MODES_A, -1)
-    rows: dict[str, Any] = dict(zip((*_NUMBERS, *_QUALITIES), (*numbers, *qualities), strict=True))
+    callsign, bad_callsign = _CALLSIGNS.of(fields[_FIELD["callsign"]], b"")
+    mode_a, bad_mode_a = _MODES_A.of(fields[_FIELD["mode_a"]], -1)
+    rows: dict[str, Any] = dict(zip((*NUMBERS, *QUALITIES), (*numbers, *qualities), strict=True))
     plots = Plots(
         **rows,
         received_s=_repeated(received_s, n, np.float64),
@@ -134,6 +153,11 @@ def columns_of(reports: Sequence[msgspec.Struct], *, received_s: float | Array, 
         local_track=_local_tracks(fields[_FIELD["local_track"]]),
         flags=_flags(fields, n),
     )
+    return judged(plots, bad_callsign, bad_mode_a)
+
+
+def judged(plots: Plots, bad_callsign: NDArray[np.bool_] | None, bad_mode_a: NDArray[np.bool_] | None) -> Columns:
+    """Check the values of columns, and make half a velocity none, as ``columns_of`` says."""
     reasons = check_values(plots)
     _join_velocity(plots)
     return Columns(plots, reasons, bad_callsign, bad_mode_a)
@@ -141,9 +165,9 @@ def columns_of(reports: Sequence[msgspec.Struct], *, received_s: float | Array, 
 
 def _numbers(fields: list[tuple[Any, ...]], n: int) -> Array:
     """The number columns, one a row, with NaN where nothing was sent and infinity where NaN was sent."""
-    numbers = np.full((len(_NUMBERS), n), np.nan)
-    absent = [values.count(None) for values in fields[: len(_NUMBERS)]]
-    for row, values in enumerate(fields[: len(_NUMBERS)]):
+    numbers = np.full((len(NUMBERS), n), np.nan)
+    absent = [values.count(None) for values in fields[: len(NUMBERS)]]
+    for row, values in enumerate(fields[: len(NUMBERS)]):
         if absent[row] != n:
             numbers[row] = values
     nans = np.isnan(numbers).sum(axis=1)
@@ -161,7 +185,7 @@ def _local_tracks(values: tuple[int | None, ...]) -> NDArray[np.int64]:
 
 def _flags(fields: list[tuple[Any, ...]], n: int) -> NDArray[np.uint8]:
     flags = np.zeros(n, dtype=np.uint8)
-    for name, bit in _FLAGS:
+    for name, bit in FLAGS:
         values = fields[_FIELD[name]]
         if True in values:
             flags[[v is True for v in values]] |= bit
@@ -172,16 +196,6 @@ def _repeated(value: Any, n: int, dtype: Any) -> NDArray[Any]:
     column = np.empty(n, dtype=dtype)
     column[:] = value
     return column
-
-
-def _dropped(
-    texts: tuple[str | None, ...], known: _Texts[_T | None], missing: _T
-) -> tuple[list[_T], NDArray[np.bool_] | None]:
-    """Values of a text field with the unreadable ones left out, and which those were; None where all were readable."""
-    values = [known[text] for text in texts]
-    if None not in values:
-        return cast(list[_T], values), None
-    return [missing if v is None else v for v in values], np.array([v is None for v in values])
 
 
 def _join_velocity(plots: Plots) -> None:

@@ -237,7 +237,7 @@ class Runner:
         """One batch, whose faults are counted; None where it came before."""
         sensor, counters = arrival.sensor, self._counters
         counters.batches[sensor] += 1
-        batch = open_batch(arrival.payload, arrival.encoding, sensor_id=self._sensors[sensor].id)
+        batch = open_batch(arrival.payload, arrival.encoding, sensor_id=self._sensors[sensor].id, packed=True)
         epoch, seq = batch.epoch, batch.seq
         # A batch that is rejected for its content still came: it leaves no hole.
         if epoch is not None and seq is not None and not counters.sequences[sensor].take(arrival.key, epoch, seq):
