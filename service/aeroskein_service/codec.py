@@ -1,7 +1,7 @@
 """Bytes in, columns out, and back: what stands between a payload and the core, as the rest of the service uses it.
 
-``batch_decoder``, ``report_shapes`` and ``batch_columns`` read report batches, ``batch_encoder`` writes them for sensors;
-``point_encoder`` writes fused points, ``point_decoder`` reads them for consumers; ``replies`` writes the rest.
+``batch_decoder``, ``report_shapes`` and ``batch_columns`` read report batches, ``batch_encoder`` writes them for
+sensors; ``point_encoder`` writes fused points, ``point_decoder`` reads them for consumers; ``replies`` writes the rest.
 """
 
 from aeroskein_service.batch_columns import DecodedBatch, Gathered, decode_batch, gather

@@ -17,7 +17,7 @@ TURN_BYTES: Final = 500_000
 # How far back the worker looks to say how busy it is. [s]
 BUSY_S: Final = 0.5
 # Below this share of its time it does not rest; at the upper one it rests the longest.
-RESTS_FROM, RESTS_MOST_AT = 0.4, 0.8
+RESTS_FROM, RESTS_MOST_AT = 0.5, 0.9
 LINGER_S: Final = 0.02
 # Its speed is that of the last few seconds of work. [s]
 SPEED_S: Final = 2.0
