@@ -166,7 +166,7 @@ _TURNS: Final = ("enroute", "terminal")
 _STALE: Final = _adsb(stale_probability=0.12, frozen_probability=0.001, frozen_s=60.0)
 
 _CASES: Final = (
-    Case(Scene(name="base", raw=True), Want(lag_s=6.0, zero_lag=True, circle=True)),
+    Case(Scene(name="base", raw=True), Want(lag_s=6.0, zero_lag=True, circle=True, libraries=True)),
     Case(Scene(name="adsb alone", sensors=(ADSB,)), Want(lag_s=6.0)),
     Case(Scene(name="no velocity", raw=True, errors=_adsb(velocity=False)), Want(lag_s=6.0, zero_lag=True)),
     Case(Scene(name="coarse", families=_TURNS, sensors=(COARSE, RADAR1, RADAR2)), Want(lag_s=6.0)),
@@ -183,18 +183,20 @@ _CASES: Final = (
         Want(lag_s=10.0),
         _steps,
     ),
-    Case(Scene(name="radars", sensors=(RADAR1, RADAR2)), Want(lag_s=12.0, zero_lag=True)),
+    # What heights and altitudes differ by nobody can know without ADS-B: its own case.
+    Case(Scene(name="radars", sensors=(RADAR1, RADAR2), height_offset_m=0.0), Want(lag_s=12.0, zero_lag=True)),
+    Case(Scene(name="radars, heights off", families=_TURNS, sensors=(RADAR1, RADAR2), height_offset_m=90.0), Want()),
     Case(Scene(name="outliers", families=_TURNS, errors=_adsb(outlier_probability=0.05)), Want(lag_s=6.0)),
     Case(
         Scene(
-            name="late adsb", families=("cruise", *_TURNS, "hold"), flights=40, duration_s=720.0, seeds=(101,),
+            name="late adsb", families=("cruise", *_TURNS, "hold"), flights=40, duration_s=720.0,
             errors=_biased(), registered=True, change=_some_late,
         ),
         Want(),
         _latency,
     ),
     Case(
-        Scene(name="registered", families=_TURNS, flights=16, duration_s=600.0, errors=_biased(), registered=True,
+        Scene(name="registered", families=_TURNS, duration_s=600.0, errors=_biased(), registered=True,
               from_s=300.0),
         Want(lag_s=6.0, bias=_BIASES),
     ),

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
+from benchmarks.accuracy_libraries import LIBRARIES
 from benchmarks.accuracy_measures import Errors, Judge, coverage, in_spans, mean_nees, ratio, ratio_interval, rms
 from benchmarks.accuracy_references import References
 from benchmarks.accuracy_scenes import Fused, Report, Scene, Sky, fuse, simulated
@@ -38,6 +39,8 @@ class Want:
         Whether the zero-lag filters are wanted.
     circle : bool
         Whether the published circle is wanted.
+    libraries : bool
+        Whether the estimators of other libraries are wanted.
     bias : tuple of (sensor, range m, azimuth deg, time s)
         True biases, which the references know.
     """
@@ -46,6 +49,7 @@ class Want:
     sensors: tuple[SensorSettings, ...] | None = None
     zero_lag: bool = False
     circle: bool = False
+    libraries: bool = False
     bias: tuple[tuple[str, float, float, float], ...] = ()
 
 
@@ -53,8 +57,8 @@ class Want:
 class Outcome:
     """Errors of everything that a scene was flown for, by name.
 
-    ``errors`` has ``element``, ``live``, the raw sensors by id, and where wanted ``smoother``, ``imm``, ``imm-ukf`` and
-    ``circle``; ``start_s`` is the first report of the scene.
+    ``errors`` has ``element``, ``live``, the raw sensors by id, and where wanted ``smoother``, ``imm``, ``imm-ukf``,
+    ``circle`` and the other libraries' estimators; ``start_s`` is the first report of the scene.
     """
 
     scene: Scene
@@ -168,6 +172,8 @@ def outcome_of(
             columns["imm-ukf"] = references.zero_lag(fused.live, "imm-ukf")
         if want.circle:
             columns["circle"] = References(scene, sky, clean=True).circle(fused.element)
+        if want.libraries:
+            columns |= {name: references.library(name) for name in LIBRARIES}
     errors = {name: judge.errors(points) for name, points in columns.items()}
     for sensor in scene.sensors:
         errors[sensor.id] = judge.raw(sky.clean, sensor.id)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+from benchmarks.accuracy_libraries import library_estimates
 from benchmarks.accuracy_scenes import Scene, Sky
 
 from aeroskein import conversion, geodesy
@@ -90,6 +91,10 @@ class References:
                 found.position_cov_m2[row], found.velocity_cov_m2ps2[row],
             )
         )  # fmt: skip
+
+    def library(self, name: str) -> PointColumns:
+        """Another library's estimator at the times of the reports."""
+        return self._columns(library_estimates(self.measurements, name))
 
     def _columns(self, estimates: ReferenceEstimates) -> PointColumns:
         """Estimates as points that can be judged; where there is none, positions are NaN."""

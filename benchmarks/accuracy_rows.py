@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 from benchmarks.accuracy_cases import in_gaps
+from benchmarks.accuracy_libraries import LIBRARIES
 from benchmarks.accuracy_outcomes import Figure, Outcome
 
 __all__ = ["ROWS", "Row"]
@@ -116,7 +117,12 @@ def _gaps(o: Outcomes) -> list[Figure]:
 
 def _radars_only(o: Outcomes) -> list[Figure]:
     goals = {"cruise": (0.45, 0.38), "enroute": (0.45, 0.38), "*": (0.60, 0.50)}
-    return _ratios("radars only / raw radar 1", o["radars"], "element", "radar1", goals)
+    made = _ratios("radars only / raw radar 1", o["radars"], "element", "radar1", goals)
+    off = o["radars, heights off"]
+    for family in off.scene.families:
+        value, interval = off.ratio("element", "radar1", family)
+        made.append(_information("radars only / raw radar 1, heights off by 90 m", family, value, interval))
+    return made
 
 
 def _outliers(o: Outcomes) -> list[Figure]:
@@ -236,6 +242,23 @@ def _information(row: str, cell: str, value: float, interval: tuple[float, float
     return Figure(row=row, cell=cell, value=value, interval=interval)
 
 
+def _libraries(o: Outcomes) -> list[Figure]:
+    """Other libraries on the same reports, in the same table: their errors, and ours over the best of them."""
+    out, made = o["base"], []
+    for family in out.scene.families:
+        for name in LIBRARIES:
+            made.append(
+                Figure(row="other libraries, base", cell=f"{name}, {family}", value=out.rms(name, family), unit="m")
+            )
+    filters = [name for name in LIBRARIES if "offline" not in name]
+    for family in out.scene.families:
+        best = min(filters, key=lambda name: out.rms(name, family))
+        for ours in ("live", "element"):
+            value, interval = out.ratio(ours, best, family)
+            made.append(_information(f"{ours} / best filter of other libraries", f"{family} ({best})", value, interval))
+    return made
+
+
 def _absolute(o: Outcomes) -> list[Figure]:
     made = []
     for name in ("base", "adsb alone", "no velocity", "radars"):
@@ -278,7 +301,7 @@ ROWS: Final = (
     Row("circle", ("base",), _circle),
     Row("radars-help", ("base", "adsb alone", "coarse", "coarse alone"), _radars_help),
     Row("gaps", ("gaps", "gaps 2"), _gaps),
-    Row("radars-only", ("radars",), _radars_only),
+    Row("radars-only", ("radars", "radars, heights off"), _radars_only),
     Row("outliers", ("base", "outliers"), _outliers),
     Row("latency", ("late adsb",), _latency),
     Row("velocity", ("base",), _velocity),
@@ -293,6 +316,7 @@ ROWS: Final = (
         _cases,
     ),
     Row("vertical", ("base", "slow", "radars"), _vertical),
+    Row("libraries", ("base",), _libraries),
     Row("absolute", ("base", "adsb alone", "no velocity", "radars"), _absolute),
 )  # fmt: skip
 """All rows in the order of the table."""

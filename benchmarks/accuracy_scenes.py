@@ -38,8 +38,8 @@ SENSORS: Final = (
     ),
 )  # fmt: skip
 
-# Elements close on this grid, as in the service. [s]
-TICK_S: Final = 0.25
+# Reports are taken in and elements close on this grid: the service's is finer, which moves no element. [s]
+TICK_S: Final = 0.5
 # First address of a scene's flights, and how many addresses each family and seed has to itself.
 FIRST_ADDRESS: Final = 0x400000
 ADDRESSES: Final = 0x1000
@@ -79,12 +79,14 @@ class Scene:
         Flights are judged from this long after their first report. [s]
     raw : bool
         Whether raw reports without gross errors are wanted beside the result.
+    height_offset_m : float, optional
+        Geometric height minus pressure altitude, everywhere; absent: as the simulator has it, 70 to 110 m. [m]
     """
 
     name: str
     families: tuple[Scenario, ...] = FAMILIES
-    flights: int = 8
-    seeds: tuple[int, ...] = (101, 202)
+    flights: int = 16
+    seeds: tuple[int, ...] = (101,)
     duration_s: float = 400.0
     errors: tuple[SensorErrors, ...] = ()
     sensors: tuple[SensorSettings, ...] = SENSORS
@@ -94,6 +96,7 @@ class Scene:
     change: Change | None = None
     from_s: float = 30.0
     raw: bool = False
+    height_offset_m: float | None = None
 
     def engine_settings(self) -> EngineSettings:
         """What the engine is told."""
@@ -106,10 +109,13 @@ class Scene:
     def simulations(self) -> list[SimulationSettings]:
         """One simulation per family and seed."""
         lat, lon = self.place_deg if self.place_deg is not None else (None, None)
+        height = {} if self.height_offset_m is None else {
+            "geometric_minus_pressure_m": self.height_offset_m, "geometric_minus_pressure_variation_m": 0.0,
+        }  # fmt: skip
         return [
             SimulationSettings(
                 scenario=family, aircraft=self.flights, seed=seed, duration_s=self.duration_s, errors=self.errors,
-                lat_deg=lat, lon_deg=lon,
+                lat_deg=lat, lon_deg=lon, **height,
             )
             for family in self.families
             for seed in self.seeds

@@ -32,6 +32,8 @@ class Estimate:
         What became of each report, 0 where accepted (and where there is no report).
     half_width_m : (K, n)
         Half distance of the boundary lines for each report. [m]
+    distance2 : (K, n)
+        Squared statistical distance of each report from its prediction.
     """
 
     x: Array
@@ -43,6 +45,7 @@ class Estimate:
     settled_memory: GateMemory
     reason: NDArray[np.uint8]
     half_width_m: Array
+    distance2: Array
 
 
 @dataclass(slots=True, eq=False)

@@ -97,6 +97,7 @@ class _Forward:
         # Innovation covariances (ee, en, nn) and directions of flight, for the boundary lines.
         self.innovation_cov = np.ones((3, *window.kind.shape))
         self.velocity = np.ones((2, *window.kind.shape))
+        self.distance2 = np.zeros(window.kind.shape)
 
     def run(self, q: Array) -> None:
         for k, m in enumerate(self.window.active):
@@ -131,6 +132,7 @@ class _Forward:
             self.reason[k, outside] = Reason.OUTSIDE_BOUNDARY
         if len(doubtful) or self.memory.pending:
             i = self._reopen(k, x, P, r, i, ok, (r00, r01, r11))
+        self.distance2[k, :m] = i.d2
         step.updates.append((0, kalman.apply(x, P, i, ok)))
         has_velocity = ok & r.has_velocity
         if has_velocity.any():
@@ -253,4 +255,5 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
         forward.settled_memory,
         forward.reason,
         forward.half_width(),
+        forward.distance2,
     )

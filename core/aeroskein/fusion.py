@@ -22,12 +22,20 @@ from aeroskein.enclosing_circle import smallest_circles
 from aeroskein.plots import Array, Bools
 from aeroskein.reasons import Reason
 from aeroskein.settings import EngineSettings
-from aeroskein.windows import Window
+from aeroskein.windows import REPORT, Window
 
-__all__ = ["Fused", "fuse"]
+__all__ = ["Fused", "diverged", "fuse"]
 
 # A polyline axis has a piece about every second: at 3 degrees a second its chord bends off by less than a metre. [s]
 PIECE_S: Final = 1.0
+# The output guard: mean distance of the newest accepted reports from their predictions, and how many of them lie how
+# far beside the smoothed flight within four seconds of the centre. [sigma], [reports], [sigma], [reports], [s], [m/s]
+MEAN_DISTANCE: Final = 3.0
+NEWEST: Final = 20
+BESIDE_SIGMAS: Final = 4.0
+FEWEST: Final = 5
+NEAR_S: Final = 4.0
+SLOWEST_MPS: Final = 15.0
 
 
 @dataclass(slots=True, eq=False)
@@ -50,6 +58,8 @@ class Fused:
         What became of every report in the element's span.
     half_width_m : (n,) float64
         Half distance of the element's boundary lines. [m]
+    guarded : (n,) bool
+        Where the smoothed state was held back and the filtered one stands.
     """
 
     time_s: Array
@@ -60,6 +70,7 @@ class Fused:
     accepted: Bools
     reason: NDArray[np.uint8]
     half_width_m: Array
+    guarded: Bools
 
 
 def fuse(closed: Closed, settings: EngineSettings) -> Fused:
@@ -81,16 +92,48 @@ def _widest(closed: Closed, inside: Bools) -> Array:
 def _information(closed: Closed) -> Fused:
     e = closed.estimate
     inside = closed.in_span()
+    guarded = diverged(closed)
+    x = np.where(guarded, e.filtered_x, e.x)
+    covariance = [
+        np.where(guarded, e.filtered_covariance[row], e.P[:, i, j])
+        for row, i, j in ((0, 0, 0), (1, 0, 1), (7, 1, 1), (12, 2, 2), (13, 2, 3), (17, 3, 3))
+    ]
     return Fused(
         closed.centre_s,
-        e.x[:2],
-        np.stack([e.P[:, 0, 0], e.P[:, 0, 1], e.P[:, 1, 1]]),
-        e.x[2:4],
-        np.stack([e.P[:, 2, 2], e.P[:, 2, 3], e.P[:, 3, 3]]),
+        x[:2],
+        np.stack(covariance[:3]),
+        x[2:4],
+        np.stack(covariance[3:]),
         inside & (e.reason == 0),
         np.where(inside, e.reason, 0).astype(np.uint8),
         _widest(closed, inside),
+        guarded,
     )
+
+
+def diverged(closed: Closed) -> Bools:
+    """Where the smoothed state contradicts the reports that it was made of, ``(n,)``: the published filter's checks.
+
+    Either its accepted reports were surprises on average, or too many of those around the centre lie on one side
+    of the smoothed flight. (A spike in the published track would need the latter in two elements running.)
+    """
+    e, w = closed.estimate, closed.window
+    accepted = (w.kind == REPORT) & (e.reason == 0)
+    newest = accepted & (np.cumsum(accepted[::-1], axis=0)[::-1] <= NEWEST)
+    surprise = np.where(newest, np.sqrt(np.maximum(e.distance2, 0.0)), 0.0).sum(axis=0)
+    count = newest.sum(axis=0)
+    h = np.where(accepted, w.time_s - closed.centre_s, 0.0)
+    vx, vy = e.x[2] + h * e.x[4], e.x[3] + h * e.x[5]
+    speed = np.hypot(vx, vy)
+    near = accepted & (np.abs(h) <= NEAR_S) & (speed >= SLOWEST_MPS)
+    across_e, across_n = -vy / np.maximum(speed, SLOWEST_MPS), vx / np.maximum(speed, SLOWEST_MPS)
+    east = np.where(near, w.east_m - e.x[0] - h * (e.x[2] + 0.5 * h * e.x[4]), 0.0)
+    north = np.where(near, w.north_m - e.x[1] - h * (e.x[3] + 0.5 * h * e.x[5]), 0.0)
+    beside = across_e * east + across_n * north
+    variance = across_e**2 * w.r_ee + 2.0 * across_e * across_n * w.r_en + across_n**2 * w.r_nn
+    far = near & (beside**2 > BESIDE_SIGMAS**2 * np.where(near, variance, 1.0))
+    one_side = np.maximum((far & (beside > 0.0)).sum(axis=0), (far & (beside < 0.0)).sum(axis=0))
+    return np.asarray((one_side >= FEWEST) | ((count >= FEWEST) & (surprise > MEAN_DISTANCE * count)))
 
 
 def _report_covariance(window: Window, x: Array) -> tuple[Array, Array, Array]:
@@ -124,6 +167,7 @@ def _weighted(closed: Closed) -> Fused:
         accepted,
         np.where(inside, e.reason, 0).astype(np.uint8),
         _widest(closed, inside),
+        np.zeros(len(some), dtype=np.bool_),
     )
 
 
@@ -154,6 +198,7 @@ def _patent(closed: Closed, half_width_m: float, chord: bool) -> Fused:
         accepted,
         np.where(inside & ~between, np.uint8(Reason.OUTSIDE_BOUNDARY), np.uint8(0)),
         np.full(len(some), half_width_m),
+        np.zeros(len(some), dtype=np.bool_),
     )
 
 

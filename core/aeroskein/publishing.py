@@ -84,6 +84,7 @@ def element_points(
             velocity_cov = np.full((3, n), np.nan)
     flags = tracks.flags[slots].copy()
     flags[sources.sum(axis=1) == 0] |= np.uint16(Flag.COASTED)
+    flags[fused.guarded] |= np.uint16(Flag.GUARDED)
     return assemble(
         Product.ELEMENT, slots, PlaneState(fused.time_s, x, fused.position_cov, velocity_cov, *vertical),
         tracks, state.frames,

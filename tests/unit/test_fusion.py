@@ -32,8 +32,18 @@ def modes(mode: str, **patent: object) -> EngineSettings:
     )  # fmt: skip
 
 
-def closed(rows: list[Row], x: tuple[float, ...] = EAST, refused: tuple[int, ...] = (), **columns: object) -> Closed:
-    """An element from 100 to 104 s; reports in order of time, those of the given numbers refused as outliers."""
+def closed(
+    rows: list[Row],
+    x: tuple[float, ...] = EAST,
+    refused: tuple[int, ...] = (),
+    sigmas: float = 1.0,
+    filtered: tuple[float, ...] | None = None,
+    **columns: object,
+) -> Closed:
+    """An element from 100 to 104 s; reports in order of time, those of the given numbers refused as outliers.
+
+    Each report came ``sigmas`` away from its prediction.
+    """
     buffers = ReportBuffers(1, max(8, len(rows)), np.float64)
     rows = sorted(rows)
     if rows:
@@ -47,7 +57,11 @@ def closed(rows: list[Row], x: tuple[float, ...] = EAST, refused: tuple[int, ...
     reason[reports[list(refused)], 0] = Reason.OUTLIER
     state, covariance = np.array(x)[:, None], np.zeros((24, 1))
     width = np.where(window.kind == REPORT, 150.0 + 10.0 * np.arange(len(window.kind))[:, None], np.nan)
-    e = Estimate(state, P[None], state, covariance, state, covariance, GateMemory.empty(1, 2), reason, width)
+    distance2 = np.full(window.kind.shape, sigmas**2)
+    forward = state if filtered is None else np.array(filtered)[:, None]
+    e = Estimate(
+        state, P[None], forward, covariance, state, covariance, GateMemory.empty(1, 2), reason, width, distance2
+    )
     return Closed(np.array([0]), np.array([5]), np.array([[START_S, END_S]]), centre, e, window)
 
 
@@ -64,6 +78,37 @@ def test_information_is_the_estimate_at_the_centre() -> None:
     assert fused.velocity_mps is not None
     assert fused.velocity_cov is not None
     assert (fused.velocity_mps[:, 0].tolist(), fused.velocity_cov[:, 0].tolist()) == ([200.0, 5.0], [1.0, 0.0, 2.0])
+
+
+FILTERED = (1.0, 30.0, 200.0, 0.0, 0.0, 0.0)
+EVERY_SECOND = np.arange(99.0, 106.0)
+
+
+def beside(offset_m: float, sigmas: float = 1.0, **more: object) -> Fused:
+    """An element whose reports all lie so far to the north of the smoothed flight east."""
+    rows = [(float(t), 200.0 * (t - CENTRE_S), offset_m) for t in EVERY_SECOND]
+    sigma = {"r_ee": np.full(len(rows), 100.0), "r_nn": np.full(len(rows), 100.0), "r_en": np.zeros(len(rows))}
+    return fuse(closed(rows, EAST, sigmas=sigmas, filtered=FILTERED, **sigma, **more), modes("information"))
+
+
+def test_a_smoothed_flight_with_its_reports_on_one_side_is_held_back() -> None:
+    held, stands = beside(45.0), beside(35.0)
+
+    assert (held.guarded.tolist(), place(held)) == ([True], (1.0, 30.0))
+    assert (stands.guarded.tolist(), place(stands)) == ([False], (0.0, 0.0))
+
+
+def test_reports_on_both_sides_are_noise() -> None:
+    rows = [(float(t), 200.0 * (t - CENTRE_S), 45.0 * (-1) ** k) for k, t in enumerate(EVERY_SECOND)]
+
+    assert not fuse(closed(rows, EAST), modes("information")).guarded.any()
+
+
+def test_reports_that_surprise_on_average_hold_the_smoothed_state_back() -> None:
+    assert beside(0.0, sigmas=3.1).guarded.all()
+    assert not beside(0.0, sigmas=2.9).guarded.any()
+    # Refused reports say nothing of the state, and two do not make an average.
+    assert not beside(0.0, sigmas=3.1, refused=(0, 1, 2, 3, 4)).guarded.any()
 
 
 @pytest.mark.parametrize("mode", ["information", "weighted", "patent"])
