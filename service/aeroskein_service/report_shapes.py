@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.cleaning import BAD_ADDRESS_MARK
-from aeroskein.plots import Plots
+from aeroskein.plots import Ints, Plots
 from aeroskein_service.report_columns import FLAGS, NUMBERS, QUALITIES, Texts, parse_callsign, parse_mode_a
 
 __all__ = ["Rows", "Shape", "plots_of", "rows_of"]
@@ -48,12 +48,18 @@ class Shape(NamedTuple):
     ----------
     fixed, mask : (size,) uint8
         What every report of this shape has, and which bits of it that goes for.
+    doubles : tuple of str
+        The number fields that are float64, as almost all are: they are read together.
+    places : (len(doubles) * 8,) int64
+        Where their bytes stand.
     fields : dict
-        Where the value of each field stands, and its type.
+        Where the value of each other field stands, and its type.
     """
 
     fixed: Bytes
     mask: Bytes
+    doubles: tuple[str, ...]
+    places: Ints
     fields: dict[str, tuple[int, str]]
 
 
@@ -134,7 +140,10 @@ def _shape_of(report: bytes) -> Shape | None:
             fields.pop(name, None)
     if at != len(report):
         return None
-    return Shape(np.frombuffer(report, dtype=np.uint8), np.frombuffer(bytes(mask), dtype=np.uint8), fields)
+    doubles = {name: fields.pop(name)[0] for name in NUMBERS if fields.get(name, (0, ""))[1] == ">f8"}
+    places = (np.array(list(doubles.values()), dtype=np.int64)[:, None] + np.arange(8)).ravel()
+    fixed, may = np.frombuffer(report, dtype=np.uint8), np.frombuffer(bytes(mask), dtype=np.uint8)
+    return Shape(fixed, may, tuple(doubles), places, fields)
 
 
 class _Place(NamedTuple):
@@ -172,7 +181,10 @@ def plots_of(shape: Shape, matrix: Bytes) -> tuple[Plots, NDArray[np.bool_] | No
     A number that was sent as NaN becomes infinite, which no check accepts.
     """
     n = len(matrix)
-    columns: dict[str, Any] = {}
+    numbers = matrix.take(shape.places, axis=1).view(">f8").T.astype(np.float64, order="C")
+    if np.isnan(numbers).any():
+        numbers[np.isnan(numbers)] = np.inf
+    columns: dict[str, Any] = dict(zip(shape.doubles, numbers, strict=True))
     bad_callsign = bad_mode_a = None
     flags = np.zeros(n, dtype=np.uint8)
     bits = dict(FLAGS)
