@@ -31,6 +31,8 @@ BENCHMARKS: Final[dict[str, tuple[list[str], list[str]]]] = {
     "service_overload": ([], ["--overload", "30000", "--seconds", "15"]),
     "service_start": ([], ["--starts", "3"]),
     "service_soak": ([], ["--aircraft", "100"]),
+    "web_load": ([], ["--aircraft", "2000", "--seconds", "6"]),
+    "web_viewers": ([], ["--aircraft", "400", "--seconds", "40"]),
     "fuse_file": ([], ["--minutes", "1"]),
 }
 

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +25,7 @@ from aeroskein_service.web.live_points import (
     source_names,
     whole_point,
 )
-from aeroskein_service.web.quick_points import BODY, TAIL, QuickReader
+from aeroskein_service.web.quick_points import BODY, START, TAIL, QuickReader, cut
 from aeroskein_service.web.records import (
     NAMED_BY_ADDRESS,
     UNKNOWN_ADDRESS,
@@ -54,12 +53,12 @@ FORGOTTEN_S: Final = 60.0
 REPLACED_S: Final = 3.0
 
 
-class _Kept(NamedTuple):
-    """Where a point stands: the message it came in, and its place there."""
+class _Message(NamedTuple):
+    """A message of the feed; tracks keep the newest one they came in."""
 
     payload: bytes
     encoding: str
-    place: int
+    epoch: int
 
 
 class _Batch:
@@ -70,7 +69,8 @@ class _Batch:
         self.tails: list[int] = []
         self.numbers: list[tuple[Any, ...]] = []
         self.bodies: list[bytes] = []
-        self.messages: list[_Kept] = []
+        self.points: list[bytes] = []
+        self.messages: list[_Message] = []
 
 
 class LivePicture:
@@ -97,7 +97,7 @@ class LivePicture:
         self._contributed_s = np.zeros((0, MOST_SENSORS))
         self._identity: list[tuple[Any, ...] | None] = []
         self._number: list[int] = []
-        self._message: list[_Kept | None] = []
+        self._message: list[_Message | None] = []
         self._reader = QuickReader()
         self._slot_of_head: dict[bytes, int] = {}
         self._head: list[bytes | None] = []
@@ -107,6 +107,7 @@ class LivePicture:
         self._newest_epoch = 0
         self.news_s = 0.0  # when the feed last said anything
         self.points = 0
+        self.in_full = 0  # of them, read field by field
         self.broken = 0
         self._grow(FIRST_TRACKS)
 
@@ -125,48 +126,47 @@ class LivePicture:
             quick, slow = _Batch(), _Batch()
             while self._waiting and len(quick.slots) + len(slow.slots) < POINTS_AT_ONCE:
                 payload, encoding = self._waiting.popleft()
+                parts = cut(payload) if encoding == MSGPACK else None
+                if parts is not None:
+                    self._sort(quick, slow, parts[1], _Message(payload, encoding, parts[0]))
+                    continue
                 try:
                     epoch, points = read_messages(payload, encoding)
                 except MessageError:
                     self.broken += 1
                     continue
-                self._newest_epoch = max(self._newest_epoch, epoch)
-                self._sort(quick, slow, epoch, points, payload, encoding)
+                for point in points:
+                    self._read_slowly(slow, bytes(point), _Message(payload, encoding, epoch))
             if quick.slots:
                 numbers, known = self._reader.read(quick.bodies)
                 for place in np.flatnonzero(~known).tolist():
-                    message = quick.messages[place]
-                    epoch, points = read_messages(message.payload, message.encoding)
-                    self._read_slowly(slow, bytes(points[message.place]), epoch, message)
+                    self._read_slowly(slow, START + quick.points[place], quick.messages[place])
                 self._take(quick, numbers, known)
             if slow.slots:
                 self._take(slow, np.array(slow.numbers).T, np.ones(len(slow.slots), dtype=np.bool_))
 
-    def _sort(
-        self, quick: _Batch, slow: _Batch, epoch: int, points: list[msgspec.Raw], payload: bytes, encoding: str
-    ) -> None:
+    def _sort(self, quick: _Batch, slow: _Batch, points: list[bytes], message: _Message) -> None:
         """Find the slots of points by their heads, which are the same every second; a new one is read in full.
 
         This runs 20,000 times a second, so what it needs is at hand, and nothing is called that need not be.
         """
         slot_of, tail_of, kept = self._slot_of_head.get, self._tails.get, self._message
-        slots, tails, bodies, messages = quick.slots, quick.tails, quick.bodies, quick.messages
-        packed = encoding == MSGPACK
-        for index, raw in enumerate(points):
-            point, message = bytes(raw), _Kept(payload, encoding, index)
-            body = point.find(BODY) if packed else -1
-            end = point.find(TAIL, body)
-            slot, tail = slot_of(point[:body]), tail_of(point[end:])
-            if slot is not None and tail is not None and 0 < body < end:
+        slots, tails, bodies = quick.slots, quick.tails, quick.bodies
+        for point in points:
+            begin = point.find(BODY)
+            end = point.find(TAIL, begin)
+            slot, row = slot_of(point[:begin]), tail_of(point[end:])
+            if slot is not None and row is not None and 0 < begin < end:
                 kept[slot] = message
                 slots.append(slot)
-                tails.append(tail)
-                bodies.append(point[body:end])
-                messages.append(message)
+                tails.append(row)
+                bodies.append(point[begin:end])
+                quick.points.append(point)
+                quick.messages.append(message)
                 continue
-            read = self._read_slowly(slow, point, epoch, message)
-            if read is not None and 0 < body < end:
-                self._remember(point[:body], point[end:], *read)
+            read = self._read_slowly(slow, START + point, message)
+            if read is not None and 0 < begin < end:
+                self._remember(point[:begin], point[end:], *read)
 
     def _remember(self, head: bytes, tail: bytes, slot: int, row: int) -> None:
         before = self._head[slot]
@@ -184,15 +184,17 @@ class LivePicture:
             self._tail_table = np.concatenate([self._tail_table, np.array([values], dtype=np.int64)])
         return row
 
-    def _read_slowly(self, slow: _Batch, point: bytes, epoch: int, message: _Kept) -> tuple[int, int] | None:
+    def _read_slowly(self, slow: _Batch, point: bytes, message: _Message) -> tuple[int, int] | None:
         """Read a point field by field; None where it is none."""
         encoding = message.encoding
+        self.in_full += 1
+        self._newest_epoch = max(self._newest_epoch, message.epoch)
         try:
             p = read_point(point, encoding)
         except MessageError:
             self.broken += 1
             return None
-        slot = self._slot(p, epoch, message)
+        slot = self._slot(p, message)
         bits = 0
         for name in source_names(p.sources, encoding):
             bits |= 1 << self._sensors.index(name)
@@ -226,12 +228,12 @@ class LivePicture:
             rows = np.flatnonzero(masks >> sensor & 1)
             self._contributed_s[slots[rows], sensor] = numbers[0, rows]
 
-    def _slot(self, point: LivePoint, epoch: int, message: _Kept) -> int:
+    def _slot(self, point: LivePoint, message: _Message) -> int:
         slot = self._slot_of.get(point.track_number)
-        if slot is None or self._epoch[slot] != epoch:
+        if slot is None or self._epoch[slot] != message.epoch:
             if slot is not None:
                 self._drop(slot)
-            slot = self._open(point.track_number, epoch)
+            slot = self._open(point.track_number, message.epoch)
         identity = (point.track, point.address, point.callsign, point.mode_a)
         if identity != self._identity[slot]:
             self._identify(slot, *identity)
@@ -330,7 +332,11 @@ class LivePicture:
         """The newest live point of a track with every field, None where there is no such track."""
         slot = self._slot_of_label.get(label)
         message = None if slot is None else self._message[slot]
-        return None if message is None else whole_point(*message)
+        return (
+            None
+            if slot is None or message is None
+            else whole_point(message.payload, message.encoding, self._number[slot])
+        )
 
     def find(self, text: str, most: int) -> list[dict[str, Any]]:
         """Tracks whose label, address, callsign or code begins with (then: contains) the text, best first."""

@@ -74,9 +74,9 @@ def _decoded(decoders: dict[str, Any], payload: bytes, encoding: str, what: str)
         raise MessageError(f"the payload is no {what}: {error}") from None
 
 
-def whole_point(payload: bytes, encoding: str, index: int) -> FusedPoint:
-    """One point of a message with every field."""
-    return decode_feed(payload, encoding).points[index]
+def whole_point(payload: bytes, encoding: str, track_number: int) -> FusedPoint:
+    """The newest point of a track in a message, with every field."""
+    return next(p for p in reversed(decode_feed(payload, encoding).points) if p.track_number == track_number)
 
 
 def source_names(raw: bytes, encoding: str) -> tuple[str, ...]:

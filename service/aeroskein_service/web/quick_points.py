@@ -1,10 +1,11 @@
-"""The numbers of many points of the feed at once: four times as fast as decoding them one by one.
+"""The numbers of many points of the feed at once: many times as fast as decoding them one by one.
 
-A point in MessagePack is a head with the identity, a body of numbers, and a tail with status, sources and flags. Heads
-and tails repeat from second to second, so each is decoded once and then found by its bytes. In a body every number has
-the same place as in all bodies with the same fields, so a layout learned from one of them reads thousands as columns of
-one array. Whatever does not look like that is left to ``live_points``, which reads anything the contract allows; what
-both give is the same (``tests/unit/test_web_points.py``).
+A message is cut where its points begin, which the service writes in the same way for all. A point in MessagePack is a
+head with the identity, a body of numbers, and a tail with status, sources and flags. Heads and tails repeat from second
+to second, so each is decoded once and then found by its bytes. In a body every number has the same place as in all
+bodies with the same fields, so a layout learned from one of them reads thousands as columns of one array. Whatever does
+not look like that is left to ``live_points``, which reads anything the contract allows; what both give is the same
+(``tests/unit/test_web_points.py``).
 """
 
 from __future__ import annotations
@@ -12,10 +13,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["BODY", "NUMBERS", "TAIL", "QuickReader"]
+from aeroskein_service.messages import FUSED_FIELDS
+
+__all__ = ["BODY", "NUMBERS", "START", "TAIL", "QuickReader", "cut"]
 
 # What a picture needs, in order; a covariance has three.
 NUMBERS: Final = (
@@ -23,12 +27,35 @@ NUMBERS: Final = (
     "input_received_s", "position_cov_m2",
 )  # fmt: skip
 COLUMNS: Final = len(NUMBERS) + 2
+# How a point begins that has every field but ``renamed_to``: a map of so many, its version and product.
+START: Final = b"\xde" + (len(FUSED_FIELDS) - 1).to_bytes(2, "big") + b"\xa7version\x01\xa7product"
 # The first fields of the body and of the tail, as MessagePack strings.
 BODY: Final = b"\xa3seq"
 TAIL: Final = b"\xa6status"
 _SIZES: Final = {0xCB: 8, 0xCF: 8, 0xCE: 4}  # float64, uint64, uint32: numbers of fixed size
 _FLOAT, _NULL, _ARRAY = 0xCB, 0xC0, 0x90
 _LAYOUTS: Final = 64  # layouts remembered; there are as many as patterns of absent fields
+
+
+class _Head(msgspec.Struct, gc=False):
+    epoch: int
+
+
+_HEADS: Final = msgspec.msgpack.Decoder(_Head)
+_NO_POINTS: Final = b"\x90"
+
+
+def cut(payload: bytes) -> tuple[int, list[bytes]] | None:
+    """Epoch and points of a message of the feed, each without ``START``; None where it is built in another way."""
+    head, *points = payload.split(START)
+    n = len(points)
+    count = bytes((_ARRAY | n,)) if n < 16 else b"\xdc" + n.to_bytes(2, "big")
+    if not n or not head.endswith(count):
+        return None
+    try:
+        return _HEADS.decode(head.removesuffix(count) + _NO_POINTS).epoch, points
+    except msgspec.MsgspecError:
+        return None
 
 
 class _Layout(NamedTuple):

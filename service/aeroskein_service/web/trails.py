@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Collection
+from operator import attrgetter
 from typing import Any, Final
 
 import msgspec
@@ -43,6 +44,8 @@ POINT: Final = np.dtype(
     ]
 )
 Points = NDArray[Any]
+_NO_COVARIANCE: Final = (np.nan,) * 3
+_numbers: Final = attrgetter("lat_deg", "lon_deg", "time_s", "altitude_m", "ground_speed_mps", "vertical_rate_mps")
 
 
 class _ElementPoint(msgspec.Struct, gc=False):
@@ -120,22 +123,24 @@ class TrailStore:
     def _take(self, points: list[_ElementPoint]) -> None:
         self.points += len(points)
         rows = np.zeros(len(points), dtype=POINT)
-        for name in ("time_s", "altitude_m", "ground_speed_mps", "vertical_rate_mps", "lat_deg", "lon_deg"):
-            column = np.array([getattr(p, name) for p in points], dtype=np.float64)
-            if name in ("lat_deg", "lon_deg"):
-                rows[name[:3]] = np.rint(column * 1e7).astype(np.int64)
-            else:
-                rows[_SHORT.get(name, name)] = column
-        covariance = [p.position_cov_m2 or (np.nan,) * 3 for p in points]
+        # None becomes NaN.
+        numbers = np.array([_numbers(p) for p in points], dtype=np.float64).reshape(-1, 6)
+        rows["lat"], rows["lon"] = np.rint(numbers[:, :2] * 1e7).astype(np.int64).T
+        for column, name in enumerate(("time_s", "altitude_m", "speed_mps", "rate_mps"), start=2):
+            rows[name] = numbers[:, column]
+        covariance = [p.position_cov_m2 or _NO_COVARIANCE for p in points]
         rows["sigma_m"] = largest_sigma(*np.array(covariance, dtype=np.float64).reshape(-1, 3).T)
         rows["element"] = [-1 if p.element is None else p.element for p in points]
-        rows["master"] = [-1 if p.master is None else self._sensors.index(p.master) for p in points]
+        index = {p.master: -1 if p.master is None else self._sensors.index(p.master) for p in points}
+        rows["master"] = [index[p.master] for p in points]
         rows["rejected"] = [min(p.rejected, 0xFFFF) for p in points]
-        slots = [self._slot(p.track_number) for p in points]
-        # Point by point: one track may have several in a batch, and there are few.
-        for slot, row in zip(slots, rows, strict=True):
-            self._ring[slot, self._count[slot] % POINTS] = row
-            self._count[slot] += 1
+        left = np.array([self._slot(p.track_number) for p in points], dtype=np.int64)
+        # A track that has several points in a batch gets one of them in each turn.
+        while len(left):
+            slots, first = np.unique(left, return_index=True)
+            self._ring[slots, self._count[slots] % POINTS] = rows[first]
+            self._count[slots] += 1
+            left, rows = np.delete(left, first), np.delete(rows, first)
 
     def _slot(self, number: int) -> int:
         slot = self._slot_of.get(number)
@@ -182,9 +187,6 @@ class TrailStore:
             if len(trails) >= most:
                 break
         return pack_trails(trails)
-
-
-_SHORT: Final = {"ground_speed_mps": "speed_mps", "vertical_rate_mps": "rate_mps"}
 
 
 def trail_columns(points: Points) -> dict[str, list[Any]]:

@@ -1,0 +1,109 @@
+"""Whether those who look hold up the fusion: its latency in one run, with ten viewers of the page and with none.
+
+    python -m benchmarks.web_viewers [--aircraft N] [--seconds S]
+
+The load of ``service_load`` with the page that ``run`` starts. Viewers come and go every few seconds, so that both
+figures are of the same minutes; they take every picture, and one asks for an aircraft's elements once a second, as the
+page does. The service has a processor of its own; page and viewers share the other with router, sensors and consumer.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import sys
+import threading
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+from benchmarks.goals import Row, judged
+from benchmarks.load_processes import Load, processors, run_load
+from benchmarks.web_load import free_port, view
+
+VIEWERS = 10
+PHASE_S = 6.0  # viewers are there for so long, then away for so long
+SETTLE_S = 1.0  # of a phase that counts for neither
+WARM_UP_S = 14.0
+# The page must not be felt: what is beyond this is more than two equal runs differ by on a shared machine.
+RATIO_MUST, RATIO_AIM = 1.2, 1.05
+
+
+class Crowd:
+    """Viewers that come in every second phase."""
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self.there: list[tuple[float, float]] = []  # when they were there, since the beginning
+        self.frames = 0
+        self._thread: threading.Thread | None = None
+
+    def during(self, elapsed_s: float, service: int) -> None:
+        """Let them in when it is time."""
+        for child in children(service):
+            os.sched_setaffinity(child, processors()[1])
+        phase = int((elapsed_s - WARM_UP_S) // PHASE_S)
+        if elapsed_s > WARM_UP_S and phase % 2 and not (self._thread and self._thread.is_alive()):
+            left_s = (phase + 1) * PHASE_S + WARM_UP_S - elapsed_s
+            if left_s > 2.0 * SETTLE_S:
+                self.there.append((elapsed_s, elapsed_s + left_s))
+                self._thread = threading.Thread(target=self._look, args=(left_s,), daemon=True)
+                self._thread.start()
+
+    def _look(self, seconds: float) -> None:
+        asker = threading.Thread(target=self._ask, args=(time.monotonic() + seconds,), daemon=True)
+        asker.start()
+        self.frames += sum(asyncio.run(view(self._url, VIEWERS, seconds))["frames"])
+        asker.join()
+
+    def _ask(self, ends_s: float) -> None:
+        while time.monotonic() < ends_s:
+            with urllib.request.urlopen(f"{self._url}/api/search?q=10000", timeout=5.0) as answer:
+                found = json.load(answer)
+            for track in found["tracks"][:1]:
+                with urllib.request.urlopen(f"{self._url}/api/elements/{track['track']}", timeout=5.0) as answer:
+                    answer.read()
+            time.sleep(1.0)
+
+
+def children(parent: int) -> list[int]:
+    """The processes that a process has started."""
+    lists = Path(f"/proc/{parent}/task").glob("*/children")
+    return [int(pid) for children in lists for pid in children.read_text().split()]
+
+
+def main() -> int:
+    """Run and judge; 1 where a goal is missed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--aircraft", type=int, default=4_000)
+    parser.add_argument("--seconds", type=float, default=74.0, help="length of the traffic")
+    args = parser.parse_args()
+    http = f"127.0.0.1:{free_port()}"
+    load = Load([(args.aircraft, 0.0, args.seconds)], warm_up_s=WARM_UP_S, more=f'[http]\nlisten = "{http}"\n')
+    crowd = Crowd(f"http://{http}")
+    seen = run_load(load, crowd.during)
+    put_s, latency_ms = seen.live.put_s, seen.live.latency_s * 1e3
+    looked = np.zeros(len(put_s), dtype=bool)
+    counts = (put_s > WARM_UP_S) & (put_s < args.seconds - 0.5)
+    for begin_s, end_s in crowd.there:
+        looked |= (put_s >= begin_s) & (put_s < end_s)
+        for edge_s in (begin_s, end_s):
+            counts &= (put_s < edge_s) | (put_s >= edge_s + SETTLE_S)
+    alone, beside = (np.percentile(latency_ms[counts & who], (50, 99)) for who in (~looked, looked))
+    rows = [
+        Row("pictures taken by viewers", crowd.frames, must=10.0, better="higher"),
+        Row("live latency, 50 %, nobody looks", alone[0], "ms"),
+        Row(f"live latency, 50 %, {VIEWERS} viewers", beside[0], "ms"),
+        Row("live latency, 99 %, nobody looks", alone[1], "ms"),
+        Row(f"live latency, 99 %, {VIEWERS} viewers", beside[1], "ms"),
+        Row("ratio, 99 %", beside[1] / alone[1], "", RATIO_MUST, RATIO_AIM),
+        Row("service, share of a processor", seen.core["service"]),
+    ]
+    return judged(f"viewers beside the fusion of {args.aircraft} aircraft", rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
