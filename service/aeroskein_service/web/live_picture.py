@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from aeroskein_service.codec import MessageError
 from aeroskein_service.messages import MSGPACK, FusedPoint
+from aeroskein_service.web.known_parts import UNKNOWN, KnownParts
 from aeroskein_service.web.live_points import (
     STATUS_INDEX,
     LivePoint,
@@ -62,15 +63,12 @@ class _Message(NamedTuple):
 
 
 class _Batch:
-    """Points that become columns together."""
+    """Points read field by field that become columns together."""
 
     def __init__(self) -> None:
         self.slots: list[int] = []
         self.tails: list[int] = []
         self.numbers: list[tuple[Any, ...]] = []
-        self.bodies: list[bytes] = []
-        self.points: list[bytes] = []
-        self.messages: list[_Message] = []
 
 
 class LivePicture:
@@ -97,11 +95,9 @@ class LivePicture:
         self._contributed_s = np.zeros((0, MOST_SENSORS))
         self._identity: list[tuple[Any, ...] | None] = []
         self._number: list[int] = []
-        self._message: list[_Message | None] = []
+        self._message: NDArray[np.object_] = np.empty(0, dtype=object)
         self._reader = QuickReader()
-        self._slot_of_head: dict[bytes, int] = {}
         self._head: list[bytes | None] = []
-        self._tails: dict[bytes, int] = {}
         self._tail_rows: dict[tuple[int, ...], int] = {}
         self._tail_table = np.zeros((0, 4), dtype=np.int64)
         self._newest_epoch = 0
@@ -123,59 +119,54 @@ class LivePicture:
     def drain(self) -> None:
         """Read what has arrived."""
         while self._waiting:
-            quick, slow = _Batch(), _Batch()
-            while self._waiting and len(quick.slots) + len(slow.slots) < POINTS_AT_ONCE:
+            slow = _Batch()
+            points: list[bytes] = []
+            messages: list[_Message] = []
+            while self._waiting and len(points) + len(slow.slots) < POINTS_AT_ONCE:
                 payload, encoding = self._waiting.popleft()
                 parts = cut(payload) if encoding == MSGPACK else None
                 if parts is not None:
-                    self._sort(quick, slow, parts[1], _Message(payload, encoding, parts[0]))
+                    points += parts[1]
+                    messages += [_Message(payload, encoding, parts[0])] * len(parts[1])
                     continue
                 try:
-                    epoch, points = read_messages(payload, encoding)
+                    epoch, others = read_messages(payload, encoding)
                 except MessageError:
                     self.broken += 1
                     continue
-                for point in points:
-                    self._read_slowly(slow, bytes(point), _Message(payload, encoding, epoch))
-            if quick.slots:
-                numbers, known = self._reader.read(quick.bodies)
-                for place in np.flatnonzero(~known).tolist():
-                    self._read_slowly(slow, START + quick.points[place], quick.messages[place])
-                self._take(quick, numbers, known)
+                for other in others:
+                    self._read_slowly(slow, bytes(other), _Message(payload, encoding, epoch))
+            if points:
+                self._read_quickly(points, messages, slow)
             if slow.slots:
-                self._take(slow, np.array(slow.numbers).T, np.ones(len(slow.slots), dtype=np.bool_))
+                self._take(np.array(slow.slots), np.array(slow.tails), np.array(slow.numbers, dtype=np.float64).T)
 
-    def _sort(self, quick: _Batch, slow: _Batch, points: list[bytes], message: _Message) -> None:
-        """Find the slots of points by their heads, which are the same every second; a new one is read in full.
-
-        This runs 20,000 times a second, so what it needs is at hand, and nothing is called that need not be.
-        """
-        slot_of, tail_of, kept = self._slot_of_head.get, self._tails.get, self._message
-        slots, tails, bodies = quick.slots, quick.tails, quick.bodies
-        for point in points:
+    def _read_quickly(self, points: list[bytes], messages: list[_Message], slow: _Batch) -> None:
+        """Read points whose heads and tails are known at once, and learn those of the others."""
+        read = self._reader.sort(points)
+        known = read.heads != UNKNOWN
+        slots = read.heads[known]
+        kept = np.empty(len(points), dtype=object)
+        kept[:] = messages
+        self._message[slots] = kept[known]
+        self._take(slots, read.tails[known], read.numbers[:, known])
+        for place in np.flatnonzero(~known).tolist():
+            point = points[place]
             begin = point.find(BODY)
             end = point.find(TAIL, begin)
-            slot, row = slot_of(point[:begin]), tail_of(point[end:])
-            if slot is not None and row is not None and 0 < begin < end:
-                kept[slot] = message
-                slots.append(slot)
-                tails.append(row)
-                bodies.append(point[begin:end])
-                quick.points.append(point)
-                quick.messages.append(message)
-                continue
-            read = self._read_slowly(slow, START + point, message)
-            if read is not None and 0 < begin < end:
-                self._remember(point[:begin], point[end:], *read)
+            found = self._read_slowly(slow, START + point, messages[place])
+            if found is not None and 0 < begin < end:
+                self._remember(point[:begin], point[end:], *found)
 
     def _remember(self, head: bytes, tail: bytes, slot: int, row: int) -> None:
         before = self._head[slot]
-        if before is not None:
-            self._slot_of_head.pop(before, None)
-        self._slot_of_head[head], self._head[slot] = slot, head
-        if len(self._tails) >= CACHED:
-            self._tails.clear()
-        self._tails[tail] = row
+        if before is not None and before != head:
+            self._reader.heads.remove(before)
+        self._head[slot] = head
+        self._reader.heads.add(head, slot)
+        if len(self._reader.tails) >= CACHED:
+            self._reader.tails = KnownParts()
+        self._reader.tails.add(tail, row)
 
     def _tail(self, *values: int) -> int:
         """The row of status, master, sensors and flags in the table of those there are."""
@@ -208,11 +199,9 @@ class LivePicture:
         )  # fmt: skip
         return slot, tail
 
-    def _take(self, batch: _Batch, numbers: Any, known: NDArray[np.bool_]) -> None:
+    def _take(self, slots: NDArray[np.int64], tails: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
         """Write points into the columns; of two of one track the later one stays."""
-        slots = np.array(batch.slots)[known]
-        numbers = np.asarray(numbers, dtype=np.float64)[:, known]
-        status, master, masks, flags = self._tail_table[np.array(batch.tails)[known]].T
+        status, master, masks, flags = self._tail_table[tails].T
         self.points += len(slots)
         records = self._records
         pack_position(records, slots, *numbers[1:4])
@@ -277,7 +266,7 @@ class LivePicture:
         self._identity += [None] * more
         self._number += [-1] * more
         self._head += [None] * more
-        self._message += [None] * more
+        self._message = np.concatenate([self._message, np.empty(more, dtype=object)])
         self._free += range(capacity - 1, before - 1, -1)
 
     def _drop(self, slot: int) -> None:
@@ -287,7 +276,7 @@ class LivePicture:
             del self._slot_of_label[identity[0]]
         head = self._head[slot]
         if head is not None:
-            self._slot_of_head.pop(head, None)
+            self._reader.heads.remove(head)
         self._identity[slot] = self._message[slot] = self._head[slot] = None
         self._free.append(slot)
 
@@ -331,7 +320,7 @@ class LivePicture:
     def point(self, label: str) -> FusedPoint | None:
         """The newest live point of a track with every field, None where there is no such track."""
         slot = self._slot_of_label.get(label)
-        message = None if slot is None else self._message[slot]
+        message: _Message | None = None if slot is None else self._message[slot]
         return (
             None
             if slot is None or message is None

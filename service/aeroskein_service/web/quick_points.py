@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein_service.messages import FUSED_FIELDS
+from aeroskein_service.web.known_parts import UNKNOWN, KnownParts
 
-__all__ = ["BODY", "NUMBERS", "START", "TAIL", "QuickReader", "cut"]
+__all__ = ["BODY", "NUMBERS", "START", "TAIL", "QuickReader", "Sorted", "cut"]
 
 # What a picture needs, in order; a covariance has three.
 NUMBERS: Final = (
@@ -34,6 +35,7 @@ BODY: Final = b"\xa3seq"
 TAIL: Final = b"\xa6status"
 _SIZES: Final = {0xCB: 8, 0xCF: 8, 0xCE: 4}  # float64, uint64, uint32: numbers of fixed size
 _FLOAT, _NULL, _ARRAY = 0xCB, 0xC0, 0x90
+_FEW: Final = 4  # points of one length that are not worth columns
 _LAYOUTS: Final = 64  # layouts remembered; there are as many as patterns of absent fields
 
 
@@ -49,7 +51,7 @@ def cut(payload: bytes) -> tuple[int, list[bytes]] | None:
     """Epoch and points of a message of the feed, each without ``START``; None where it is built in another way."""
     head, *points = payload.split(START)
     n = len(points)
-    count = bytes((_ARRAY | n,)) if n < 16 else b"\xdc" + n.to_bytes(2, "big")
+    count = b"\xdc" + min(n, 0xFFFF).to_bytes(2, "big")
     if not n or not head.endswith(count):
         return None
     try:
@@ -117,31 +119,62 @@ def _learn(body: bytes) -> _Layout | None:
     return _Layout(np.frombuffer(body, dtype=np.uint8), np.flatnonzero(fixed), dtype, tuple(places))
 
 
+class Sorted(NamedTuple):
+    """Points as columns, in their order; ``heads`` is ``UNKNOWN`` where a point has to be read field by field."""
+
+    heads: NDArray[np.int64]
+    tails: NDArray[np.int64]
+    numbers: NDArray[np.float64]
+
+
 class QuickReader:
-    """Reads bodies; remembers the layouts it has learned."""
+    """Reads points; remembers the layouts it has learned, and the heads and tails it has been told."""
 
     def __init__(self) -> None:
+        self.heads = KnownParts()
+        self.tails = KnownParts()
         self._layouts: dict[int, list[_Layout]] = {}
         self._count = 0
 
-    def read(self, bodies: Sequence[bytes]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Read bodies.
+    def sort(self, points: Sequence[bytes]) -> Sorted:
+        """What points are about and their numbers, in columns.
+
+        Parameters
+        ----------
+        points : sequence of n bytes
+            As ``cut`` gives them.
 
         Returns
         -------
-        numbers : (COLUMNS, n) float64
-            In the order of ``NUMBERS``; NaN where null.
-        known : (n,) bool
-            Which of them could be read.
+        Sorted
+            ``heads`` and ``tails`` (n,) are the numbers they were told with; ``numbers`` (COLUMNS, n) are in the order
+            of ``NUMBERS``, NaN where null.
         """
-        n = len(bodies)
-        numbers, known = np.full((COLUMNS, n), np.nan), np.zeros(n, dtype=np.bool_)
-        lengths = np.fromiter(map(len, bodies), dtype=np.int64, count=n)
-        for length in np.unique(lengths).tolist():
-            rows = np.flatnonzero(lengths == length)
-            joined = b"".join(bodies) if len(rows) == n else b"".join([bodies[row] for row in rows.tolist()])
-            self._read_alike(np.frombuffer(joined, dtype=np.uint8).reshape(len(rows), length), rows, numbers, known)
-        return numbers, known
+        n = len(points)
+        made = Sorted(np.full(n, UNKNOWN), np.full(n, UNKNOWN), np.full((COLUMNS, n), np.nan))
+        lengths = np.fromiter(map(len, points), dtype=np.int64, count=n)
+        for length, many in zip(*np.unique(lengths, return_counts=True), strict=True):
+            if many > _FEW:
+                self._sort_alike(points, np.flatnonzero(lengths == length), made)
+        return made
+
+    def _sort_alike(self, points: Sequence[bytes], rows: NDArray[np.int64], made: Sorted) -> None:
+        """Points of one length; most have their parts at the same places as the first."""
+        first = points[rows[0]]
+        begin = first.find(BODY)
+        end = first.find(TAIL, begin)
+        if not 0 < begin < end:
+            return
+        joined = b"".join([points[row] for row in rows.tolist()])
+        block = np.frombuffer(joined, dtype=np.uint8).reshape(len(rows), len(first))
+        like = (block[:, begin : begin + len(BODY)] == np.frombuffer(BODY, dtype=np.uint8)).all(axis=1)
+        like &= (block[:, end : end + len(TAIL)] == np.frombuffer(TAIL, dtype=np.uint8)).all(axis=1)
+        heads, tails = self.heads.find(block[:, :begin]), self.tails.find(block[:, end:])
+        like &= (heads != UNKNOWN) & (tails != UNKNOWN)
+        known = np.zeros(len(points), dtype=np.bool_)
+        self._read_alike(block[like, begin:end], rows[like], made.numbers, known)
+        read = known[rows]
+        made.heads[rows[read]], made.tails[rows[read]] = heads[read], tails[read]
 
     def _read_alike(
         self, block: NDArray[np.uint8], rows: NDArray[np.int64], numbers: NDArray[np.float64], known: NDArray[np.bool_]

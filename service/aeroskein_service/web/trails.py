@@ -45,7 +45,14 @@ POINT: Final = np.dtype(
 )
 Points = NDArray[Any]
 _NO_COVARIANCE: Final = (np.nan,) * 3
-_numbers: Final = attrgetter("lat_deg", "lon_deg", "time_s", "altitude_m", "ground_speed_mps", "vertical_rate_mps")
+_NUMBERS: Final = {
+    "lat": attrgetter("lat_deg"),
+    "lon": attrgetter("lon_deg"),
+    "time_s": attrgetter("time_s"),
+    "altitude_m": attrgetter("altitude_m"),
+    "speed_mps": attrgetter("ground_speed_mps"),
+    "rate_mps": attrgetter("vertical_rate_mps"),
+}
 
 
 class _ElementPoint(msgspec.Struct, gc=False):
@@ -123,15 +130,13 @@ class TrailStore:
     def _take(self, points: list[_ElementPoint]) -> None:
         self.points += len(points)
         rows = np.zeros(len(points), dtype=POINT)
-        # None becomes NaN.
-        numbers = np.array([_numbers(p) for p in points], dtype=np.float64).reshape(-1, 6)
-        rows["lat"], rows["lon"] = np.rint(numbers[:, :2] * 1e7).astype(np.int64).T
-        for column, name in enumerate(("time_s", "altitude_m", "speed_mps", "rate_mps"), start=2):
-            rows[name] = numbers[:, column]
+        for name, field in _NUMBERS.items():
+            column = np.array([*map(field, points)], dtype=np.float64)  # None becomes NaN
+            rows[name] = np.rint(column * 1e7).astype(np.int64) if name in ("lat", "lon") else column
         covariance = [p.position_cov_m2 or _NO_COVARIANCE for p in points]
         rows["sigma_m"] = largest_sigma(*np.array(covariance, dtype=np.float64).reshape(-1, 3).T)
         rows["element"] = [-1 if p.element is None else p.element for p in points]
-        index = {p.master: -1 if p.master is None else self._sensors.index(p.master) for p in points}
+        index = {name: -1 if name is None else self._sensors.index(name) for name in {p.master for p in points}}
         rows["master"] = [index[p.master] for p in points]
         rows["rejected"] = [min(p.rejected, 0xFFFF) for p in points]
         left = np.array([self._slot(p.track_number) for p in points], dtype=np.int64)
