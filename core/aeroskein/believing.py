@@ -16,7 +16,7 @@ from aeroskein.engine_state import EngineState
 from aeroskein.intake import Batch
 from aeroskein.integrity import Belief, Integrity, Looks, OwnPositions
 from aeroskein.measurements import Measurements
-from aeroskein.plots import Bools, Ints
+from aeroskein.plots import Bools, Ints, columns_of
 from aeroskein.points import Flag
 
 __all__ = ["Believing"]
@@ -50,21 +50,18 @@ class Believing:
         self._follow_capacity()
         sensor = reports.sensor.astype(np.int64)
         own = np.flatnonzero(self._own_positions[sensor])
-        place = np.stack([reports.east_m, reports.north_m], axis=1)
+        place = columns_of(reports.east_m, reports.north_m)
         if len(own):
-            velocity = np.stack([reports.v_east_mps[own], reports.v_north_mps[own]], axis=1)
+            velocity = columns_of(reports.v_east_mps[own], reports.v_north_mps[own])
             silent = np.isnan(velocity[:, 0])
             if silent.any():
                 _, _, v_east, v_north = self._state.live.bank.steady(reports.slot[own[silent]])
                 velocity[silent] = np.stack([v_east, v_north], axis=1)
             tv = reports.time_variance[own]
-            covariance = np.stack(
-                [
-                    reports.r_ee[own] + tv * velocity[:, 0] ** 2,
-                    reports.r_en[own] + tv * velocity[:, 0] * velocity[:, 1],
-                    reports.r_nn[own] + tv * velocity[:, 1] ** 2,
-                ],
-                axis=1,
+            covariance = columns_of(
+                reports.r_ee[own] + tv * velocity[:, 0] ** 2,
+                reports.r_en[own] + tv * velocity[:, 0] * velocity[:, 1],
+                reports.r_nn[own] + tv * velocity[:, 1] ** 2,
             )
             unverified = own[self._integrity.belief(reports.slot[own]) == Belief.UNVERIFIED]
             self._state.tracks.flags[reports.slot[unverified]] |= np.uint16(Flag.ADSB_UNVERIFIED)
@@ -76,7 +73,7 @@ class Believing:
             self._integrity.looks(
                 Looks(
                     sensor[seen], reports.slot[seen], reports.time_s[seen], place[seen],
-                    np.stack([reports.r_ee[seen] + vague, reports.r_en[seen], reports.r_nn[seen] + vague], axis=1),
+                    columns_of(reports.r_ee[seen] + vague, reports.r_en[seen], reports.r_nn[seen] + vague),
                     batch.plots.range_m[seen], batch.plots.azimuth_deg[seen], batch.located.height_m[seen],
                 )
             )  # fmt: skip

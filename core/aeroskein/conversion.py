@@ -14,7 +14,7 @@ import numpy as np
 
 from aeroskein import geodesy
 from aeroskein.measurements import Measurements
-from aeroskein.plots import Array, Bools, Ints, Plots
+from aeroskein.plots import Array, Bools, Ints, Plots, columns_of
 from aeroskein.radar_geometry import radar_covariance, radar_to_geodetic
 from aeroskein.settings import EngineSettings
 
@@ -133,7 +133,7 @@ def locate(plots: Plots, table: SensorTable, height_m: Array, height_sigma_m: Ar
     radar = table.is_radar[plots.sensor] & np.isfinite(plots.range_m)
     lat, lon = plots.lat_deg.copy(), plots.lon_deg.copy()
     variance = position_sigma_m(plots, table) ** 2
-    covariance = np.stack([variance, np.zeros(n), variance], axis=1)
+    covariance = columns_of(variance, np.zeros(n), variance)
     feasible = np.ones(n, dtype=np.bool_)
     unknown = np.isnan(height_m)
     height = np.where(unknown, UNKNOWN_HEIGHT_M, height_m)

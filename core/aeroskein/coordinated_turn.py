@@ -25,8 +25,6 @@ SLOWEST_MPS: Final = 30.0
 TURN_SPEED_MIN_MPS: Final = 60.0
 TURN_RATE_MAX_RADPS: Final = 0.12
 
-# Rows of the covariance by block (p-p, p-v, p-a, v-v, v-a, a-a): east-east, east-north, north-east, north-north.
-_BLOCKS: Final = ((0, 1, 6, 7), (2, 3, 8, 9), (4, 5, 10, 11), (12, 13, 16, 17), (14, 15, 18, 19), (20, 21, 22, 23))
 # The rows of an acceleration east and north beside the same other component.
 _ACCELERATION_PAIRS: Final = ((4, 5), (10, 11), (14, 15), (18, 19))
 
@@ -54,12 +52,18 @@ def predict(x: Array, P: Array, h: Array, along: Array, across: Array) -> None:
         x[first] += weight * jerk_e
         x[first + 1] += weight * jerk_n
     more = (across - along) * h
-    ee, en, nn = more * ee, more * en, more * nn
+    noise = np.empty((2, 2, *more.shape))
+    np.multiply(more, ee, out=noise[0, 0])
+    np.multiply(more, en, out=noise[0, 1])
+    noise[1, 0] = noise[0, 1]
+    np.multiply(more, nn, out=noise[1, 1])
     h2 = h * h
-    weights = (h2 * h2 / 20.0, h2 * h / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h, np.ones_like(h))
-    for rows, weight in zip(_BLOCKS, weights, strict=True):
-        for row, part in zip(rows, (ee, en, en, nn), strict=True):
-            P[row] += weight * part
+    product = np.empty_like(noise)
+    weights = (h2 * h2 / 20.0, h2 * h / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h)
+    *blocks, of_acceleration = kalman.blocks(P)
+    for block, weight in zip(blocks, weights, strict=True):
+        block += np.multiply(weight, noise, out=product)
+    of_acceleration += noise
 
 
 def keep_across(x: Array, P: Array, where: Bools) -> None:

@@ -25,6 +25,7 @@ from aeroskein.plots import Array, Bools, Ints
 
 __all__ = [
     "boundary_half_width",
+    "clamped_half_width",
     "division_fractions",
     "division_points",
     "element_boundaries",
@@ -224,8 +225,13 @@ def boundary_half_width(
     e, n = direction[..., 0], direction[..., 1]
     variance = total[..., 0] * e * e + 2.0 * total[..., 1] * e * n + total[..., 2] * n * n
     bias_m = np.abs(bias_bound_m[..., 0] * e + bias_bound_m[..., 1] * n)
-    wide_m = BOUNDARY_SIGMAS * np.sqrt(np.maximum(variance, 0.0)) + bias_m + sagitta_m
-    return np.clip(wide_m, SMALLEST_HALF_WIDTH_M, LARGEST_HALF_WIDTH_M)
+    return clamped_half_width(variance, bias_m + sagitta_m)
+
+
+def clamped_half_width(variance_m2: Array, more_m: Array | float = 0.0) -> Array:
+    """Half width from the variance across it (any shape) and what comes on top, within the limits. [m², m, m]"""
+    wide_m = BOUNDARY_SIGMAS * np.sqrt(np.maximum(variance_m2, 0.0)) + more_m
+    return np.asarray(np.minimum(np.maximum(wide_m, SMALLEST_HALF_WIDTH_M), LARGEST_HALF_WIDTH_M))
 
 
 def published_half_width(

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein.plots import Array
+from aeroskein.plots import Array, columns_of
 from aeroskein.units import wrap_angle_deg
 
 __all__ = [
@@ -52,13 +52,10 @@ def to_ecef(lat_deg: Array, lon_deg: Array, height_m: Array | float = 0.0) -> Ar
     sin_lat, cos_lat = np.sin(lat), np.cos(lat)
     normal_m = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat**2)
     from_axis_m = (normal_m + height_m) * cos_lat
-    return np.stack(
-        [
-            from_axis_m * np.cos(lon),
-            from_axis_m * np.sin(lon),
-            (normal_m * (1.0 - ECCENTRICITY_SQUARED) + height_m) * sin_lat,
-        ],
-        axis=-1,
+    return columns_of(
+        from_axis_m * np.cos(lon),
+        from_axis_m * np.sin(lon),
+        (normal_m * (1.0 - ECCENTRICITY_SQUARED) + height_m) * sin_lat,
     )
 
 
@@ -111,16 +108,16 @@ def normal_and_height(ecef_m: Array) -> tuple[Array, Array]:
     height_m = p * cos_lat + z * sin_lat - SEMI_MAJOR_M * np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat**2)
     # On the axis east and west are the same; any meridian will do, and x / p would be 0 / 0.
     per_p = cos_lat / np.maximum(p, 1e-9)
-    return np.stack([x * per_p, y * per_p, sin_lat], axis=-1), height_m
+    return columns_of(x * per_p, y * per_p, sin_lat), height_m
 
 
 def ecef_axes(lat_deg: Array, lon_deg: Array) -> tuple[Array, Array, Array]:
     """Unit vectors east, north and up at a point, each ``(n, 3)`` in ECEF axes."""
     lat, lon = np.radians(lat_deg), np.radians(lon_deg)
     sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    east = np.stack([-sin_lon, cos_lon, np.zeros_like(lat)], axis=-1)
-    north = np.stack([-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat], axis=-1)
-    up = np.stack([cos_lat * cos_lon, cos_lat * sin_lon, sin_lat], axis=-1)
+    east = columns_of(-sin_lon, cos_lon, np.zeros_like(lat))
+    north = columns_of(-sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat)
+    up = columns_of(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
     return east, north, up
 
 
@@ -147,4 +144,4 @@ def height_scale(lat_deg: Array, height_m: Array) -> Array:
     prime_vertical_m = SEMI_MAJOR_M / np.sqrt(squared)
     meridian_m = prime_vertical_m * (1.0 - ECCENTRICITY_SQUARED) / squared
     height_m = np.where(np.isnan(height_m), 0.0, height_m)
-    return 1.0 + np.stack([height_m / prime_vertical_m, height_m / meridian_m], axis=-1)
+    return 1.0 + columns_of(height_m / prime_vertical_m, height_m / meridian_m)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aeroskein import coordinated_turn, kalman
 from aeroskein.closed import Estimate
-from aeroskein.elements import BOUNDARY_SIGMAS, boundary_half_width
+from aeroskein.elements import BOUNDARY_SIGMAS, clamped_half_width
 from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.reasons import Reason
@@ -120,8 +120,11 @@ class _Forward:
         r01 = r.ren + r.time_variance * (vx * vy + P[13])
         r11 = r.rnn + r.time_variance * (vy * vy + P[17])
         i = kalman.innovation(x, P, 0, r.east, r.north, r00, r01, r11)
-        self.innovation_cov[:, k, :m] = i.c00, i.ell * i.c00, i.s + i.ell * i.ell * i.c00
-        self.velocity[:, k, :m] = vx, vy
+        cov, velocity = self.innovation_cov[:, k, :m], self.velocity[:, k, :m]
+        cov[0] = i.c00
+        np.multiply(i.ell, i.c00, out=cov[1])
+        np.add(i.s, i.ell * cov[1], out=cov[2])
+        velocity[:] = x[2:4]
         ok = r.is_report & (i.d2 <= GATE)
         # Within four sigma in every direction is within the boundary lines too; only the others need a look.
         doubtful = np.flatnonzero(r.is_report & (i.d2 > BOUNDARY_SIGMAS**2))
@@ -202,9 +205,7 @@ def _direction(vx: Array, vy: Array) -> tuple[Array, Array, Bools]:
 
 def _half_width(cov: Array, e: Array, n: Array) -> Array:
     """Half distance of the boundary lines from the covariance of report and axis together. [m]"""
-    no_bias = np.zeros((*e.shape, 2))
-    total = np.moveaxis(cov, 0, -1)
-    return boundary_half_width(total, np.zeros(3), np.stack([e, n], axis=-1), no_bias)
+    return clamped_half_width(cov[0] * e * e + 2.0 * cov[1] * e * n + cov[2] * n * n)
 
 
 def _widen(P: Array, i: kalman.Innovation, where: Bools) -> None:

@@ -25,7 +25,7 @@ from aeroskein.ellipsoid import (
     height_scale,
     to_ecef,
 )
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Ints, columns_of
 from aeroskein.units import wrap_angle_deg
 
 __all__ = [
@@ -168,7 +168,7 @@ def local_axes(frames: Array, lat_deg: Array, lon_deg: Array, height_m: Array | 
         d(plane east, north) / d(local east, north).
     """
     east, north, _ = ecef_axes(lat_deg, lon_deg)
-    axes = _products(frames, np.stack([east, north], axis=-1))
+    axes = _products(frames, columns_of(east, north))
     if height_m is not None:
         axes /= height_scale(lat_deg, height_m)[:, None, :]
     return axes
@@ -229,22 +229,18 @@ def rotate_covariance(axes: Array, covariance: Array) -> Array:
     """
     ee, en, nn = covariance[..., 0], covariance[..., 1], covariance[..., 2]
     a, b, c, d = axes[..., 0, 0], axes[..., 0, 1], axes[..., 1, 0], axes[..., 1, 1]
-    return np.stack(
-        [
-            a * a * ee + 2.0 * a * b * en + b * b * nn,
-            a * c * ee + (a * d + b * c) * en + b * d * nn,
-            c * c * ee + 2.0 * c * d * en + d * d * nn,
-        ],
-        axis=-1,
+    return columns_of(
+        a * a * ee + 2.0 * a * b * en + b * b * nn,
+        a * c * ee + (a * d + b * c) * en + b * d * nn,
+        c * c * ee + 2.0 * c * d * en + d * d * nn,
     )
 
 
 def invert_axes(axes: Array) -> Array:
     """Inverse of Jacobians ``(n, 2, 2)``: from the plane to the local axes."""
     a, b, c, d = axes[..., 0, 0], axes[..., 0, 1], axes[..., 1, 0], axes[..., 1, 1]
-    inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-    inverse /= (a * d - b * c)[..., None, None]
-    return inverse
+    inverse = columns_of(d, -b, -c, a) / (a * d - b * c)[..., None]
+    return np.asarray(inverse.reshape(axes.shape))
 
 
 def _plane_of(frames: Array, ecef_m: Array) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ __all__ = [
     "Gains",
     "Innovation",
     "apply",
+    "blocks",
     "from_matrix",
     "innovation",
     "lagged_innovation",
@@ -67,7 +68,7 @@ def from_matrix(full: Array) -> Array:
     return P
 
 
-class _Blocks(NamedTuple):
+class Blocks(NamedTuple):
     """The six 2x2 blocks of a covariance as views ``(2, 2, ..., n)``."""
 
     p11: Array
@@ -78,12 +79,13 @@ class _Blocks(NamedTuple):
     p33: Array
 
 
-def _blocks(P: Array) -> _Blocks:
+def blocks(P: Array) -> Blocks:
+    """The six blocks of covariances in block-upper rows ``(24, ..., n)``; writing to them writes to ``P``."""
     lanes = P.shape[1:]
     r1 = P[0:12].reshape(2, 6, *lanes)
     r2 = P[12:20].reshape(2, 4, *lanes)
     r3 = P[20:24].reshape(2, 2, *lanes)
-    return _Blocks(r1[:, 0:2], r1[:, 2:4], r1[:, 4:6], r2[:, 0:2], r2[:, 2:4], r3)
+    return Blocks(r1[:, 0:2], r1[:, 2:4], r1[:, 4:6], r2[:, 0:2], r2[:, 2:4], r3)
 
 
 def predict(x: Array, P: Array, h: Array, q: Array) -> None:
@@ -101,7 +103,7 @@ def predict(x: Array, P: Array, h: Array, q: Array) -> None:
         Power spectral density of the jerk. [m²/s⁵]
     """
     g = 0.5 * h * h
-    p11, p12, p13, p22, p23, p33 = _blocks(P)
+    p11, p12, p13, p22, p23, p33 = blocks(P)
     x[0:2] += h * x[2:4] + g * x[4:6]
     x[2:4] += h * x[4:6]
     p21, p31, p32 = p12.swapaxes(0, 1), p13.swapaxes(0, 1), p23.swapaxes(0, 1)
@@ -129,16 +131,13 @@ def _add_jerk_noise(P: Array, h: Array, q: Array) -> None:
     qh = q * h
     qh2 = qh * h
     qh3 = qh2 * h
-    for first, second, value in (
-        (0, 7, qh3 * h * h / 20.0),
-        (2, 9, qh3 * h / 8.0),
-        (4, 11, qh3 / 6.0),
-        (12, 17, qh3 / 3.0),
-        (14, 19, qh2 / 2.0),
-        (20, 23, qh),
-    ):
-        P[first] += value
-        P[second] += value
+    # Both axes at once: their rows lie evenly apart.
+    P[0:8:7] += qh3 * h * h / 20.0
+    P[2:10:7] += qh3 * h / 8.0
+    P[4:12:7] += qh3 / 6.0
+    P[12:18:5] += qh3 / 3.0
+    P[14:20:5] += qh2 / 2.0
+    P[20:24:3] += qh
 
 
 class Gains(NamedTuple):

@@ -75,6 +75,10 @@ IDLE_PROBABILITY: Final = 0.02
 LOWEST_PROBABILITY: Final = 1e-6
 
 
+# Rows of a covariance that belong to the acceleration.
+_OF_ACCELERATION: Final = (slice(4, 6), slice(10, 12), slice(14, 16), slice(18, 24))
+
+
 def initial(x: Array, P: Array) -> tuple[Array, Array, Array]:
     """Three equal models from one state: ``(6, 3, n)``, ``(24, 3, n)``, probabilities ``(3, n)``."""
     n = x.shape[-1]
@@ -115,7 +119,8 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
     x, P, mu = _mix(x, P, mu, h, models)
     # The steady model carries no acceleration.
     x[4:6, 0] = 0.0
-    P[[4, 5, 10, 11, 14, 15, 18, 19, 20, 21, 22, 23], 0] = 0.0
+    for rows in _OF_ACCELERATION:
+        P[rows, 0] = 0.0
     if models.turns:
         coordinated_turn.keep_across(x[:, 1], P[:, 1], h > 0.0)
         coordinated_turn.predict(x, P, h, models.along[:, None], models.across[:, None])
@@ -124,15 +129,16 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
         kalman.predict(x, P, h, models.along[:, None])
     _add_white_acceleration(P[:, 0], h)
     # Keeps the steady model's acceleration block regular; far below anything measurable.
-    P[[20, 23], 0] += 1e-4
+    P[20:24:3, 0] += 1e-4
     return x, P, mu
 
 
 def _add_white_acceleration(P: Array, h: Array) -> None:
     q = STEADY_ACCELERATION_DENSITY * h
-    for first, second, value in ((0, 7, q * h * h / 3.0), (2, 9, q * h / 2.0), (12, 17, q)):
-        P[first] += value
-        P[second] += value
+    # Both axes at once: their rows lie evenly apart.
+    P[0:8:7] += q * h * h / 3.0
+    P[2:10:7] += q * h / 2.0
+    P[12:18:5] += q
 
 
 def _reweigh(mu: Array, g: kalman.Gains) -> Array:

@@ -17,7 +17,7 @@ from aeroskein.events import Event, Rejections
 from aeroskein.identity import INITIATED_SIGMA_MPS, Identity, Named
 from aeroskein.intake import Batch, Intake, Verdicts
 from aeroskein.measurements import Measurements
-from aeroskein.plots import ON_GROUND, Bools, Ints, Plots
+from aeroskein.plots import ON_GROUND, Bools, Ints, Plots, columns_of
 from aeroskein.points import Flag
 from aeroskein.publishing import live_points
 from aeroskein.reasons import Reason
@@ -135,9 +135,7 @@ class Receiver:
         implausible = known & is_implausible(away, elapsed)
         raw = batch.raw
         radar = state.sensors.is_radar[raw.sensor] & np.isfinite(raw.range_m)
-        place = np.stack(
-            [np.where(radar, raw.range_m, raw.lat_deg), np.where(radar, raw.azimuth_deg, raw.lon_deg)], axis=1
-        )
+        place = columns_of(np.where(radar, raw.range_m, raw.lat_deg), np.where(radar, raw.azimuth_deg, raw.lon_deg))
         speed = np.where(known, np.hypot(v_east, v_north), raw.ground_speed_mps)
         duplicate, stale, behind = state.memory.compare(slot, raw.sensor, raw.time_s, place, speed)
         at = np.flatnonzero(behind)

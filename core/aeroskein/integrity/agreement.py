@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, columns_of
 
 __all__ = ["Agreement"]
 
@@ -123,7 +123,7 @@ class Agreement:
         """
         speed = np.hypot(velocity_mps[:, 0], velocity_mps[:, 1])
         along = velocity_mps / np.maximum(speed, 1.0)[:, None]
-        right = np.stack([along[:, 1], -along[:, 0]], axis=-1)
+        right = columns_of(along[:, 1], -along[:, 0])
         self._speed[slot], self._along[slot] = speed, along
         own = self._own[slot]
         rest = difference_m - (own[:, 0] * speed)[:, None] * along - own[:, 1:2] * right
@@ -133,7 +133,7 @@ class Agreement:
         self._remember(sensor, slot, time_s, weighted, inverse)
         every = np.full(int(sure.sum()), len(self._y) - 1)
         self._remember(every, slot[sure], time_s[sure], weighted[sure], inverse[sure])
-        allowed = self._own_variance[slot] * np.stack([speed**2, np.ones_like(speed)], axis=-1)
+        allowed = self._own_variance[slot] * columns_of(speed**2, np.ones_like(speed))
         agrees = (
             _quadratic(_inverse(covariance_m2 + _turned(allowed + ALLOWED_M**2 / 4.0, along, right)), rest) < AGREES
         )
@@ -169,6 +169,8 @@ class Agreement:
         return np.maximum(together, slow), by_sensor
 
     def _sigmas(self, first: int, last: int, slot: Ints, live: Array) -> Array:
+        if not live.any():
+            return np.zeros(len(slot))
         rows = slice(first, last + 1)
         info = np.einsum("sk,skc->kc", live, self._info[rows][:, slot])
         y = np.einsum("sk,skc->kc", live, self._y[rows][:, slot])
@@ -239,7 +241,7 @@ def _turned(along_and_right: Array, along: Array, right: Array) -> Array:
 
 def _inverse(packed: Array) -> Array:
     a, b, c = packed[:, 0], packed[:, 1], packed[:, 2]
-    return np.stack([c, -b, a], axis=-1) / (a * c - b * b)[:, None]
+    return columns_of(c, -b, a) / (a * c - b * b)[:, None]
 
 
 def _quadratic(packed: Array, v: Array) -> Array:
