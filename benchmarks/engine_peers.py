@@ -3,10 +3,11 @@
     python -m benchmarks.engine_peers [--aircraft N] [--few N] [--plots FOLDER]
 
 Ours is the whole engine (``receive`` and ``advance``: checks, registration, association, both products, integrity) at
-batches of 2,750 reports. The peers are given more than they would have: reports already converted to each aircraft's plane,
-assigned, in order of time, and they do nothing but filter. Stone Soup: its unscented filter, constant acceleration.
-filterpy: three unscented filters in its IMM, and its plain Kalman filter. Errors are horizontal, of the state after
-each report of the same aircraft, after 15 s. Exit status 1 when the engine is not as much faster as it should be.
+batches of 2,750 reports. The peers are given more than they would have: reports already converted to each aircraft's
+plane, assigned, in order of time, and they do nothing but filter. Stone Soup: its unscented filter, constant
+acceleration. filterpy: three unscented filters in its IMM, and its plain Kalman filter. Errors are horizontal, of the
+state after each report of the same aircraft, after 15 s. Exit status 1 when the engine is not as much faster as it
+should be.
 """
 
 from __future__ import annotations
