@@ -1,8 +1,8 @@
 """The engine over a report file: the same stages as the live service, with the file's own clock.
 
 The clock is the running maximum of the arrivals. Reports are given to the engine in micro-batches of one tick, and time
-passes on every tick between them, so what comes out depends on the file and the configuration only, never on how the
-file was cut into chunks or how fast the machine is.
+passes on every full second between them, so what comes out depends on the file and the configuration only, never on how
+the file was cut into chunks or how fast the machine is.
 """
 
 from __future__ import annotations
@@ -21,8 +21,10 @@ from aeroskein_service.files import ReportChunk
 
 __all__ = ["fuse_chunks"]
 
-# Elements close and tracks coast on this grid, as they do in the service. [s]
+# Reports are given to the engine together on this grid, about as a busy service takes them. [s]
 TICK_S: Final = 0.25
+# Elements close and tracks coast on this one: four times as many at a time as in the service cost half as much. [s]
+PASS_S: Final = 1.0
 
 Happened = tuple[float, list[Event]]
 
@@ -32,7 +34,7 @@ class _Ticker:
 
     def __init__(self, engine: FusionEngine, first_s: float) -> None:
         self.engine = engine
-        self._done = math.floor(first_s / TICK_S)
+        self._done = math.floor(first_s / PASS_S)
         self._fresh = False
         self.now_s = first_s
 
@@ -41,27 +43,27 @@ class _Ticker:
         ticks = np.floor(clock_s / TICK_S).astype(np.int64)
         starts = np.flatnonzero(np.diff(ticks, prepend=ticks[0] - 1))
         for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(ticks)], strict=True):
-            yield from self.pass_time(int(ticks[start]))
+            yield from self.pass_time(math.floor(int(ticks[start]) * TICK_S / PASS_S))
             self.now_s = float(clock_s[end - 1])
             batch = plots.take(np.arange(start, end))
             self._fresh = True
             yield self.now_s, self.engine.receive(batch, now_s=self.now_s)
 
     def pass_time(self, until: int) -> Iterator[Happened]:
-        """Let the engine work on every tick up to ``until``.
+        """Let the engine work on every pass up to ``until``.
 
-        The first tick after reports is always worked on; of those after it only the ones for which the engine has
+        The first pass after reports is always worked on; of those after it only the ones for which the engine has
         something to do, so that hours without reports cost nothing.
         """
         while self._done < until:
             following = self._done + 1
             if not self._fresh:
                 deadline_s = self.engine.next_deadline_s()
-                if deadline_s is None or deadline_s > until * TICK_S:
+                if deadline_s is None or deadline_s > until * PASS_S:
                     break
-                following = max(following, math.ceil(deadline_s / TICK_S))
+                following = max(following, math.ceil(deadline_s / PASS_S))
             self._done, self._fresh = following, False
-            now_s = following * TICK_S
+            now_s = following * PASS_S
             yield now_s, self.engine.advance(now_s=now_s)
         self._done = max(self._done, until)
 
@@ -104,7 +106,7 @@ def fuse_chunks(
         yield from _whole_ticks(ticker, waiting, math.floor(latest_s / TICK_S))
     if ticker is not None:
         yield from _whole_ticks(ticker, waiting, None)
-        for now_s, events in ticker.pass_time(math.floor(latest_s / TICK_S)):
+        for now_s, events in ticker.pass_time(math.floor(latest_s / PASS_S)):
             yield ticker.engine, now_s, events
         ticker.now_s = max(ticker.now_s, latest_s)
         yield ticker.engine, ticker.now_s, ticker.engine.finish(now_s=ticker.now_s)
