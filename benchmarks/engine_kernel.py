@@ -24,10 +24,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from benchmarks.engine_scene import REPORTS_PER_S, START_S, Traffic, settings
 
-from aeroskein import closing, elements, estimator, gating, manoeuvre
+from aeroskein import closing, coordinated_turn, elements, estimator, gating, manoeuvre
 from aeroskein.engine import FusionEngine
 from aeroskein.live import LANES
-from aeroskein.mode_bank import ModeWork
+from aeroskein.mode_bank import ModeBank, ModeWork
 from aeroskein.plots import Array
 
 SOURCE: Final = Path(__file__).with_name("estimator_kernel.c")
@@ -51,17 +51,22 @@ class Cost(NamedTuple):
 
 
 def compiled(folder: Path) -> ctypes.CDLL:
-    """The kernel, built with the compiler that is here, with the engine's own constants."""
+    """The kernel, built with the compiler that is here."""
     library = folder / "estimator_kernel.so"
     command = ["gcc", "-O3", "-march=native", "-shared", "-fPIC", str(SOURCE), "-o", str(library), "-lm"]
     subprocess.run(command, check=True)
-    kernel = ctypes.CDLL(str(library))
+    return ctypes.CDLL(str(library))
+
+
+def configure(kernel: ctypes.CDLL, models: manoeuvre.ModelSet) -> None:
+    """Give it the engine's own constants."""
     rest = np.array([
         manoeuvre.STEADY_ACCELERATION_DENSITY, gating.GATE, elements.BOUNDARY_SIGMAS, elements.SMALLEST_HALF_WIDTH_M,
-        elements.LARGEST_HALF_WIDTH_M, estimator.HOVER_MPS,
+        elements.LARGEST_HALF_WIDTH_M, estimator.HOVER_MPS, coordinated_turn.SLOWEST_MPS,
+        coordinated_turn.TURN_SPEED_MIN_MPS, coordinated_turn.TURN_RATE_MAX_RADPS, estimator.ALONG_SHARE,
+        estimator.ACROSS_SHARE, float(models.turns),
     ])  # fmt: skip
-    kernel.configure(*(_pointer(a) for a in (manoeuvre.RATES, manoeuvre.FILTER_JERK_DENSITY, rest)))
-    return kernel
+    kernel.configure(*(_pointer(a) for a in (models.rates, models.along, models.across, rest)))
 
 
 def _pointer(array: np.ndarray) -> ctypes.c_void_p:
@@ -104,9 +109,9 @@ class Scene:
         closing.estimate = genuine  # type: ignore[attr-defined]
 
 
-def filter_cost(kernel: ctypes.CDLL, scene: Scene) -> Cost:
+def filter_cost(kernel: ctypes.CDLL, bank: ModeBank) -> Cost:
     """One report a lane through the three-model filter."""
-    bank = scene.engine._state.live.bank
+    configure(kernel, bank.models)
     slots = np.flatnonzero(np.isfinite(bank.time_s))
     slots = slots[: len(slots) // 8 * 8]
     n, rng = len(slots), np.random.default_rng(3)
@@ -193,15 +198,19 @@ def main() -> int:
     scene = Scene(options.aircraft)
     with tempfile.TemporaryDirectory() as folder:
         kernel = compiled(Path(folder))
+        state = scene.engine._state
         costs = {
-            "report, three-model filter": filter_cost(kernel, scene),
+            "report, live filter": filter_cost(kernel, state.live.bank),
+            "report, detector": filter_cost(kernel, state.elements.detector),
             "element, both passes": closing_cost(kernel, scene),
         }
     print(f"{'':30s} {'numpy':>10s} {'C':>10s} {'ratio':>7s}   largest difference")
     for name, cost in costs.items():
         print(_row(name, cost.ours_us, cost.kernel_us) + f"   {cost.difference:.1e}")
     share = ELEMENTS_PER_S / REPORTS_PER_S
-    ours_us, kernel_us = (2.0 * f + share * c for f, c in list(zip(*costs.values(), strict=True))[:2])
+    ours_us, kernel_us = (
+        live + detector + share * e for live, detector, e in list(zip(*costs.values(), strict=True))[:2]
+    )
     ratio = ours_us / kernel_us
     print(_row("report, all in", ours_us, kernel_us) + f"   (at most {MOST_TIMES:.0f}x)")
     same = all(cost.difference < SAME for cost in costs.values())

@@ -1,8 +1,8 @@
 /* The estimator's two hot parts in C: one step of the three-model filter, and the closing of an element.
  *
  * The limit for the columns of numpy: the same layout (24 block-upper rows, lanes last), the same formulas in the same
- * order, eight lanes at a time so that the compiler makes vectors of the inner loops. See manoeuvre.py, kalman.py and
- * estimator.py, whose numbers it must give.  gcc -O3 -march=native -shared -fPIC
+ * order, eight lanes at a time so that the compiler makes vectors of the inner loops. See manoeuvre.py, kalman.py,
+ * coordinated_turn.py and estimator.py, whose numbers it must give.  gcc -O3 -march=native -shared -fPIC
  */
 #include <math.h>
 #include <stdlib.h>
@@ -103,13 +103,74 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 }
 
 /* Given by the caller, so that they stand in one place only. */
-static double RATES[3][3], JERK[3], STEADY, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER;
+static double RATES[3][3], ALONG[3], ACROSS[3], STEADY, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
+static double ALONG_SHARE, ACROSS_SHARE;
+static int TURNS;
 
-void configure(const double *rates, const double *jerk, const double *rest) {
+void configure(const double *rates, const double *along, const double *across, const double *rest) {
     memcpy(RATES, rates, sizeof RATES);
-    memcpy(JERK, jerk, sizeof JERK);
+    memcpy(ALONG, along, sizeof ALONG);
+    memcpy(ACROSS, across, sizeof ACROSS);
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
+    SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
+    TURNS = rest[11] > 0.0;
     DOUBT = SIGMAS * SIGMAS;
+}
+
+/* Unit vector to the left of the flight; zero where there is no direction. */
+static void across_of(V *x, double *e, double *n) {
+    EACH {
+        double speed = hypot(x[2][l], x[3][l]), one = (speed >= SLOWEST) / fmax(speed, SLOWEST);
+        e[l] = -x[3][l] * one; n[l] = x[2][l] * one;
+    }
+}
+
+static void turn(V *x, V *P, const double *h, const double *along, const double *across) {
+    V e, n, rate, je, jn;
+    across_of(x, e, n);
+    EACH {
+        double square = fmax(x[2][l] * x[2][l] + x[3][l] * x[3][l], TURN_MIN * TURN_MIN);
+        rate[l] = fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
+        je[l] = -rate[l] * x[5][l]; jn[l] = rate[l] * x[4][l];
+    }
+    predict(x, P, h, along);
+    EACH {
+        double g = 0.5 * h[l] * h[l], k = g * h[l] / 3.0;
+        x[0][l] += k * je[l]; x[1][l] += k * jn[l];
+        x[2][l] += g * je[l]; x[3][l] += g * jn[l];
+        x[4][l] += h[l] * je[l]; x[5][l] += h[l] * jn[l];
+    }
+    EACH {
+        double ee = e[l] * e[l], nn = n[l] * n[l], aimless = 0.5 * (1.0 - ee - nn), more = (across[l] - along[l]) * h[l];
+        double N[2][2] = {{more * (ee + aimless), more * (e[l] * n[l])}, {more * (e[l] * n[l]), more * (nn + aimless)}};
+        double h2 = h[l] * h[l], w[5] = {h2 * h2 / 20.0, h2 * h[l] / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h[l]};
+        for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) {
+            P11(i, j)[l] += w[0] * N[i][j]; P12(i, j)[l] += w[1] * N[i][j]; P13(i, j)[l] += w[2] * N[i][j];
+            P22(i, j)[l] += w[3] * N[i][j]; P23(i, j)[l] += w[4] * N[i][j]; P33(i, j)[l] += N[i][j];
+        }
+    }
+}
+
+/* Takes the acceleration along the flight out of a state where time passes. */
+static void keep_across(V *x, V *P, const double *h) {
+    static const int pairs[4][2] = {{4, 5}, {10, 11}, {14, 15}, {18, 19}};
+    V e, n;
+    across_of(x, e, n);
+    EACH {
+        int some = h[l] > 0.0;
+        double ee = some ? e[l] * e[l] : 1.0, en = some ? e[l] * n[l] : 0.0, nn = some ? n[l] * n[l] : 1.0, a, b;
+        a = x[4][l]; b = x[5][l];
+        x[4][l] = ee * a + en * b; x[5][l] = en * a + nn * b;
+        for (int k = 0; k < 4; k++) {
+            double *p = P[pairs[k][0]], *q = P[pairs[k][1]];
+            a = p[l]; b = q[l];
+            p[l] = ee * a + en * b; q[l] = en * a + nn * b;
+        }
+        double p = P[20][l], q = P[21][l], r = P[23][l];
+        double ce = ee * p + en * q, cn = ee * q + en * r, beside = en * q + nn * r;
+        P[20][l] = ce * ee + cn * en; P[23][l] = (en * p + nn * q) * en + beside * nn;
+        P[21][l] = P[22][l] = ce * en + cn * nn;
+    }
 }
 
 static void mix(V x[MODELS][6], V P[MODELS][24], V *mu, const double *h) {
@@ -155,15 +216,18 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         static const int gone[12] = {4, 5, 10, 11, 14, 15, 18, 19, 20, 21, 22, 23};
         for (int i = 0; i < 12; i++) EACH C[0][gone[i]][l] = 0.0;
         EACH X[0][4][l] = X[0][5][l] = 0.0;
+        if (TURNS) keep_across(X[1], C[1], H);
         for (int m = 0; m < MODELS; m++) {
-            V q;
-            EACH q[l] = JERK[m];
-            predict(X[m], C[m], H, q);
+            V along, across;
+            EACH { along[l] = ALONG[m]; across[l] = ACROSS[m]; }
+            if (TURNS) turn(X[m], C[m], H, along, across);
+            else predict(X[m], C[m], H, along);
         }
-        for (int i = 0; i < 2; i++) EACH {
-            V *P = C[0];
+        for (int m = 0; m < 1 + TURNS; m++) for (int i = 0; i < 2; i++) EACH {
+            V *P = C[m];
             double q = STEADY * H[l];
-            P11(i, i)[l] += q * H[l] * H[l] / 3.0; P12(i, i)[l] += q * H[l] / 2.0; P22(i, i)[l] += q; P33(i, i)[l] += 1e-4;
+            P11(i, i)[l] += q * H[l] * H[l] / 3.0; P12(i, i)[l] += q * H[l] / 2.0; P22(i, i)[l] += q;
+            if (m == 0) P33(i, i)[l] += 1e-4;
         }
         Innovation v[MODELS];
         Gains g;
@@ -180,9 +244,14 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         for (int m = 0; m < MODELS; m++) apply(X[m], C[m], &v[m], ok, &g);
         reweigh(M, v, ok);
         for (int m = 0; m < MODELS; m++) {
-            V rv, zero = {0};
-            EACH rv[l] = r[7][l] + r[8][l] * (X[m][4][l] * X[m][4][l] + X[m][5][l] * X[m][5][l]);
-            innovate(&v[m], X[m], C[m], 2, r[5], r[6], rv, zero, rv);
+            V r00, r01, r11;
+            EACH {
+                double ax = X[m][4][l], ay = X[m][5][l];
+                r00[l] = r[7][l] + r[8][l] * (ax * ax + C[m][20][l]);
+                r01[l] = r[8][l] * (ax * ay + C[m][21][l]);
+                r11[l] = r[7][l] + r[8][l] * (ay * ay + C[m][23][l]);
+            }
+            innovate(&v[m], X[m], C[m], 2, r[5], r[6], r00, r01, r11);
         }
         EACH ok[l] = ok[l] * (fmin(fmin(v[0].d2[l], v[1].d2[l]), v[2].d2[l]) <= GATE);
         for (int m = 0; m < MODELS; m++) apply(X[m], C[m], &v[m], ok, &g);
@@ -265,7 +334,7 @@ void close_elements(long n, long K, const signed char *kind, const double *time,
         long last = 0;
         for (long k = 0; k < K; k++) {
             const signed char *what = kind + k * n + at;
-            V r[9], r00, r01, r11, ok, has, rv, zero = {0}, qk;
+            V r[9], r00, r01, r11, ok, has, along, across;
             int some = 0;
             EACH some |= what[l] != 0;
             if (!some) break;
@@ -276,8 +345,8 @@ void close_elements(long n, long K, const signed char *kind, const double *time,
                 if (what[l]) T[l] = when;
                 ok[l] = what[l] == 1;
             }
-            memcpy(qk, q + k * n + at, sizeof(V));
-            predict(X, C, steps[k], qk);
+            EACH { along[l] = ALONG_SHARE * q[k * n + at + l]; across[l] = ACROSS_SHARE * q[k * n + at + l]; }
+            turn(X, C, steps[k], along, across);
             for (int i = 0; i < 9; i++) EACH {
                 double value = reports[(i * K + k) * n + at + l];
                 r[i][l] = ok[l] > 0.0 ? value : (i == 2 || i == 4);
@@ -296,8 +365,12 @@ void close_elements(long n, long K, const signed char *kind, const double *time,
                 ok[l] = ok[l] * (v.d2[l] <= GATE);
             }
             apply(X, C, &v, ok, &kept[k][0]);
-            EACH rv[l] = r[7][l] + r[8][l] * (X[4][l] * X[4][l] + X[5][l] * X[5][l]);
-            innovate(&v, X, C, 2, r[5], r[6], rv, zero, rv);
+            EACH {
+                r00[l] = r[7][l] + r[8][l] * (X[4][l] * X[4][l] + C[20][l]);
+                r01[l] = r[8][l] * (X[4][l] * X[5][l] + C[21][l]);
+                r11[l] = r[7][l] + r[8][l] * (X[5][l] * X[5][l] + C[23][l]);
+            }
+            innovate(&v, X, C, 2, r[5], r[6], r00, r01, r11);
             EACH ok[l] = ok[l] * has[l] * (v.d2[l] <= GATE);
             apply(X, C, &v, ok, &kept[k][1]);
             EACH if (what[l] == 2) {

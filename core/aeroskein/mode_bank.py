@@ -120,14 +120,14 @@ class ModeBank:
     """The models of all tracks at rest: ``rows (capacity, 93)``, ``time_s (capacity,)``, gates."""
 
     def __init__(self, capacity: int, sensors: int, models: manoeuvre.ModelSet) -> None:
-        self._models = models
+        self.models = models
         self.rows = np.zeros((capacity, ROW))
         self.time_s = np.full(capacity, -np.inf)
         self.memory = GateMemory.empty(capacity, sensors)
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""
-        more = ModeBank(capacity - len(self.rows), self.memory.misses.shape[1], self._models)
+        more = ModeBank(capacity - len(self.rows), self.memory.misses.shape[1], self.models)
         self.rows = np.concatenate([self.rows, more.rows])
         self.time_s = np.concatenate([self.time_s, more.time_s])
         self.memory = GateMemory(
@@ -139,7 +139,7 @@ class ModeBank:
         """Begin tracks with one state ``(6, n)`` and covariance ``(24, n)`` each."""
         xs, Ps, mu = manoeuvre.initial(x, P)
         memory = GateMemory.empty(len(slots), self.memory.misses.shape[1])
-        self.put(slots, ModeWork(xs, Ps, mu, time_s, memory, self._models))
+        self.put(slots, ModeWork(xs, Ps, mu, time_s, memory, self.models))
 
     def take(self, slots: Ints) -> ModeWork:
         """The models of some tracks, turned for work; ``put`` them back to keep what was done."""
@@ -151,7 +151,7 @@ class ModeBank:
             turned[_X + _P :],
             self.time_s[slots],
             self.memory.take(slots),
-            self._models,
+            self.models,
         )
 
     def put(self, slots: Ints, work: ModeWork) -> None:
