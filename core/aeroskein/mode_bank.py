@@ -143,16 +143,14 @@ class ModeBank:
 
     def take(self, slots: Ints) -> ModeWork:
         """The models of some tracks, turned for work; ``put`` them back to keep what was done."""
+        return ModeWork(*self._turned(slots), self.time_s[slots], self.memory.take(slots), self.models)
+
+    def _turned(self, slots: Ints) -> tuple[Array, Array, Array]:
         n = len(slots)
         turned = np.ascontiguousarray(self.rows.take(slots, axis=0).T)
-        return ModeWork(
-            turned[:_X].reshape(6, manoeuvre.MODELS, n),
-            turned[_X : _X + _P].reshape(kalman.COVARIANCE_ROWS, manoeuvre.MODELS, n),
-            turned[_X + _P :],
-            self.time_s[slots],
-            self.memory.take(slots),
-            self.models,
-        )
+        x, P = turned[:_X], turned[_X : _X + _P]
+        models = manoeuvre.MODELS
+        return x.reshape(6, models, n), P.reshape(kalman.COVARIANCE_ROWS, models, n), turned[_X + _P :]
 
     def put(self, slots: Ints, work: ModeWork) -> None:
         """Keep the models of some tracks."""
@@ -169,7 +167,8 @@ class ModeBank:
 
     def mixture_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
         """One state ``(6, n)`` and covariance ``(24, n)`` per track at the given times, not before its own."""
-        work = self.take(slots)
-        if (time_s > work.time_s).any():
-            work.predict(time_s)
-        return manoeuvre.mixture(work.x, work.P, work.mu)
+        x, P, mu = self._turned(slots)
+        h = np.maximum(time_s - self.time_s[slots], 0.0)
+        if h.any():
+            x, P, mu = manoeuvre.predict(x, P, mu, h, self.models)
+        return manoeuvre.mixture(x, P, mu)

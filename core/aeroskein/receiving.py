@@ -102,10 +102,13 @@ class Receiver:
         slot = state.tracks.owner(plots.address)
         plots = self._without_latency(plots, slot, before)
         known = slot >= 0
-        nowhere = np.isnan(state.offsets.own(slot, before))
-        place = conversion.rough_place(plots, state.sensors, nowhere)
-        offset, sigma = state.offsets.applied(slot, *place, before)
-        geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
+        geometric, sigma = plots.height_m, np.zeros(len(plots))
+        # Own positions with their own height need nobody else's.
+        if radars or np.isnan(geometric).any():
+            nowhere = np.isnan(state.offsets.own(slot, before))
+            place = conversion.rough_place(plots, state.sensors, nowhere)
+            offset, sigma = state.offsets.applied(slot, *place, before)
+            geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
         blind = np.isnan(geometric) & known
         if blind.any():
             geometric[blind] = state.live.vertical.at(slot[blind], plots.time_s[blind])[1]
