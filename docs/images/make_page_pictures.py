@@ -19,16 +19,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from make_picture import free_port
-from PIL import Image
 from playwright.sync_api import sync_playwright
 
 HERE: Final = Path(__file__).resolve().parent
 FLAGS: Final = ["--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox"]
 SIZE: Final = {"width": 1400, "height": 860}
-COLOURS: Final = 128  # of a picture; the map has few, and this is a third of the size
 # The map fitted to the traffic, and the elements of the fastest aircraft that ADS-B and radars see.
 PICTURES: Final = {
-    "page.png": "theme=dark&color=altitude&trail=all&trailtime=300",
+    "page.png": "theme=dark&color=altitude&trailtime=300",
     "elements.png": "theme=light&view=elements&sel={label}",
 }
 FASTEST: Final = """__view.tracks.map((t) => __view.track(t)).filter((t) => t.status === 1 && t.source === 0)
@@ -41,9 +39,6 @@ def show(page: Any, url: str, query: str, path: Path) -> None:
     page.wait_for_function("window.__view && __view.ready && __view.mapArcs > 0")
     page.wait_for_timeout(6000)
     page.screenshot(path=str(path))
-    with Image.open(path) as taken:
-        few = taken.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
-    few.save(path, optimize=True)
 
 
 def main() -> None:
