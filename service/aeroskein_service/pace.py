@@ -19,6 +19,8 @@ BUSY_S: Final = 0.5
 # Below this share of its time it does not rest; at the upper one it rests the longest.
 RESTS_FROM, RESTS_MOST_AT = 0.5, 0.9
 LINGER_S: Final = 0.02
+# After a turn of fewer bytes, about a hundred reports, it rests less in proportion: little gathers meanwhile.
+GATHERS: Final = 15_000
 # Its speed is that of the last few seconds of work. [s]
 SPEED_S: Final = 2.0
 # Live points are thinned when input has waited this share of the patience, and less so again below the lower one.
@@ -45,6 +47,7 @@ class Pace:
         self._busy = 0.0
         self._noted_s = -inf
         self._bytes = self._spent_s = 0.0
+        self._taken = 0
         self._step = 0
         self._stepped_s = -inf
 
@@ -52,7 +55,7 @@ class Pace:
         """Note a turn, and how many bytes of input it worked on."""
         spent_s = ended_s - began_s
         since_s = ended_s - self._noted_s
-        self._noted_s = ended_s
+        self._noted_s, self._taken = ended_s, taken
         self._busy = self._busy * exp(-since_s / BUSY_S) + (1.0 - exp(-min(spent_s, since_s) / BUSY_S))
         fade = exp(-spent_s / SPEED_S)
         self._bytes, self._spent_s = self._bytes * fade + taken, self._spent_s * fade + spent_s
@@ -61,7 +64,7 @@ class Pace:
     def linger_s(self) -> float:
         """How long to rest before input is taken again. [s]"""
         share = (self._busy - RESTS_FROM) / (RESTS_MOST_AT - RESTS_FROM)
-        return LINGER_S * min(max(share, 0.0), 1.0)
+        return LINGER_S * min(max(share, 0.0), 1.0) * min(self._taken / GATHERS, 1.0)
 
     def excess(self, waited_s: float) -> int | None:
         """How many bytes of input may stay when the oldest has waited so long; None where nothing is to be dropped."""

@@ -7,7 +7,7 @@ from aeroskein_service.pace import LINGER_S, TURN_BYTES, Pace
 PATIENCE_S = 1.0
 
 
-def worked(busy: float, seconds: float = 5.0, turn_s: float = 0.004, taken: int = 1000) -> Pace:
+def worked(busy: float, seconds: float = 5.0, turn_s: float = 0.004, taken: int = 20_000) -> Pace:
     """A worker that has been busy for a share of its time."""
     pace, now_s = Pace(PATIENCE_S), 100.0
     while now_s < 100.0 + seconds:
@@ -26,6 +26,11 @@ def test_the_busier_the_worker_the_longer_it_rests():
     rests = [worked(busy).linger_s for busy in (0.55, 0.65, 0.8, 0.99)]
     assert rests == sorted(rests)
     assert 0.0 < rests[0] < rests[-1] == LINGER_S
+
+
+def test_a_worker_that_is_busy_with_single_reports_hardly_rests():
+    assert worked(0.99, taken=200).linger_s < 0.001
+    assert worked(0.99, taken=7_500).linger_s == 0.5 * LINGER_S
 
 
 def test_rest_ends_soon_after_the_load():
