@@ -161,3 +161,15 @@ def test_growth_keeps_masters() -> None:
 
     assert track.choice.master.tolist() == [ADSB, -1, -1, -1]
     assert track.close((1.0, ADSB)) == ADSB
+
+
+def test_places_of_a_window_that_hold_no_report_say_nothing_about_accuracy() -> None:
+    choice = MasterChoice(1, PERIODS_S)
+    time = np.array([100.5, 101.0, 101.5, 102.5, 1e18])[:, None]
+    sensor = np.array([RADAR1, RADAR1, RADAR1, RADAR2, 0])[:, None]
+    trace = np.append(TRACE_M2[sensor[:4, 0]], np.nan)[:, None]
+
+    master = choice.choose(np.array([0]), np.array([104.0]), time, sensor, trace, np.isfinite(trace))
+
+    assert master.tolist() == [RADAR1]
+    assert np.isfinite(choice.trace_m2[0, [RADAR1, RADAR2]]).all()
