@@ -1,5 +1,7 @@
 """The element log: twenty elements of every track, long or short, and nothing beyond them."""
 
+from itertools import pairwise
+
 import numpy as np
 from tests.builders import RADAR2, Drive, Flight, adsb, engine_settings, radar
 
@@ -25,7 +27,7 @@ def test_twenty_elements_of_every_track_are_kept_whether_they_are_short_or_long(
         spans = [record.content["span_s"] for record in records]
         assert len(spans) == KEEP
         assert all(end - start == length_s for start, end in spans)
-        assert all(one[1] == next_one[0] for one, next_one in zip(spans, spans[1:], strict=False))
+        assert all(one[1] == following[0] for one, following in pairwise(spans))
         assert all(record.content["reports"] for record in records)
     kept = np.concatenate([p.elements["number"] for p in log._passes])
     # One more of each may wait for the next pass to be forgotten.
