@@ -43,6 +43,8 @@ def main(arguments: list[str] | None = None) -> int:
         f"\n{len(judged)} figures with a goal: {len(judged) - len(missed)} met, {len(aimed)} of them as aimed at, "
         f"{len(missed)} missed; {time.monotonic() - began_s:.0f} s"
     )
+    if options.markdown:
+        Path(options.markdown).write_text("\n".join(markdown(figures)) + "\n", encoding="utf-8")
     if options.json:
         Path(options.json).write_text(json.dumps([_as_json(f) for f in figures], indent=1) + "\n", encoding="utf-8")
     return 1 if missed else 0
@@ -55,6 +57,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed", action="append", type=int, default=[], help="other flights and noise (repeatable)")
     parser.add_argument("--jobs", type=int, default=2, help="scenes flown side by side")
     parser.add_argument("--json", metavar="FILE", help="write the figures as JSON too")
+    parser.add_argument("--markdown", metavar="FILE", help="write the tables of docs/accuracy.md too")
     return parser.parse_args(arguments)
 
 
@@ -93,6 +96,20 @@ def _table(figures: list[Figure]) -> list[str]:
         span = "" if f.interval[0] != f.interval[0] else f"[{f.interval[0]:.3f}, {f.interval[1]:.3f}]"
         goals = f"{_goal(f.must):>11s} {_goal(f.aim):>11s}"
         lines.append(f"  {f.cell:44s} {_number(f.value):>8s} {f.unit:4s} {span:16s} {goals}  {f.verdict}".rstrip())
+    return lines
+
+
+def markdown(figures: list[Figure]) -> list[str]:
+    """The figures as tables of a page, one for each row."""
+    lines, last = list[str](), ""
+    for f in figures:
+        if f.row != last:
+            lines += ["", f"### {f.row[0].upper()}{f.row[1:]}", ""]
+            lines += ["| | measured | 95 % of draws | must | aim | |", "| --- | --- | --- | --- | --- | --- |"]
+            last = f.row
+        span = "" if f.interval[0] != f.interval[0] else f"{f.interval[0]:.3f} to {f.interval[1]:.3f}"
+        value = f"{_number(f.value)} {f.unit}".strip()
+        lines.append(f"| {f.cell} | {value} | {span} | {_goal(f.must)} | {_goal(f.aim)} | {f.verdict} |")
     return lines
 
 

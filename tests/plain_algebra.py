@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from filterpy.common import Q_continuous_white_noise
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 Array = NDArray[np.float64]
 I2, I6 = np.eye(2), np.eye(6)
@@ -36,14 +37,14 @@ def coordinated_turn(x: Array, P: Array, h: float, along: float, across: float) 
     v, a = x[2:4], x[4:6]
     speed = float(np.hypot(*v))
     rate = np.clip((v[0] * a[1] - v[1] * a[0]) / max(speed, 60.0) ** 2, -0.12, 0.12)
-    jerk = rate * np.array([-a[1], a[0]])
+    generator = np.kron(np.eye(3, k=1), I2)
+    generator[4:, 4:] = rate * np.array([[0.0, -1.0], [1.0, 0.0]])
     forward_en = v / speed if speed >= 30.0 else np.zeros(2)
     flight = np.outer(forward_en, forward_en) if speed >= 30.0 else 0.5 * I2
     density = along * flight + across * (I2 - flight)
     axis = Q_continuous_white_noise(dim=3, dt=h, spectral_density=1.0)
     F = transition(h)
-    moved = F @ x + np.concatenate([h**3 / 6.0 * jerk, h**2 / 2.0 * jerk, h * jerk])
-    return moved, F @ P @ F.T + np.kron(axis, density)
+    return expm(h * generator) @ x, F @ P @ F.T + np.kron(axis, density)
 
 
 def random_covariance(rng: np.random.Generator, n: int) -> Array:

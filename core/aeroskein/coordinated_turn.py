@@ -1,8 +1,9 @@
 """Coordinated turns on the six-component state: what a turn does to an acceleration, and where its noise lies.
 
 A constant acceleration in a fixed direction is no turn: in a turn it keeps its direction *relative to the flight*. With
-the turn rate w = (v x a) / v² of the state itself that is a jerk w J a, known as far as the state is, which the mean is
-moved by; the covariance is that of constant acceleration. And pilots and autopilots change the acceleration across the
+the turn rate w = (v x a) / v² of the state itself the mean is moved as a(t) = R(w t) a, whose integrals are closed
+forms, so that a flight that nobody sees for half a minute stays on its circle; the covariance is that of constant
+acceleration. And pilots and autopilots change the acceleration across the
 flight (bank) much faster than along it (thrust), so white jerk has two densities. Both together are the constant turn
 rate and acceleration model in linear form: one predict serves turns and straight flight, and smoothing stays exact.
 State and covariance rows are those of ``kalman``.
@@ -24,6 +25,8 @@ SLOWEST_MPS: Final = 30.0
 # Turn rates are taken for at least this speed, and no higher than this, twice a standard-rate turn. [m/s], [rad/s]
 TURN_SPEED_MIN_MPS: Final = 60.0
 TURN_RATE_MAX_RADPS: Final = 0.12
+# Below this the first terms of the series serve: what they leave out is a part in ten million. [rad]
+SMALL_ANGLE_RAD: Final = 1e-3
 
 # The rows of an acceleration east and north beside the same other component.
 _ACCELERATION_PAIRS: Final = ((4, 5), (10, 11), (14, 15), (18, 19))
@@ -43,14 +46,9 @@ def predict(x: Array, P: Array, h: Array, along: Array, across: Array) -> None:
         direction. [m²/s⁵]
     """
     ee, en, nn = _across_squares(x)
-    rate = _turn_rate(x)
-    jerk_e, jerk_n = -rate * x[5], rate * x[4]
+    turned = _turned(x, h)
     kalman.predict(x, P, h, along)
-    g = 0.5 * h * h
-    k = g * h / 3.0
-    for first, weight in ((0, k), (2, g), (4, h)):
-        x[first] += weight * jerk_e
-        x[first + 1] += weight * jerk_n
+    x += turned
     more = (across - along) * h
     noise = np.empty((2, 2, *more.shape))
     np.multiply(more, ee, out=noise[0, 0])
@@ -81,6 +79,26 @@ def keep_across(x: Array, P: Array, where: Bools) -> None:
     beside_n = en * P[21] + nn * P[23]
     P[20], P[23] = across_e * ee + across_n * en, (en * P[20] + nn * P[21]) * en + beside_n * nn
     P[21] = P[22] = across_e * en + across_n * nn
+
+
+def _turned(x: Array, h: Array) -> Array:
+    """What the turning of the acceleration adds to a step of constant acceleration, ``(6, ..., n)``.
+
+    With J a quarter turn: R - I, its integral over the step, and the integral of that.
+    """
+    rate = _turn_rate(x)
+    angle = rate * h
+    small = np.abs(angle) < SMALL_ANGLE_RAD
+    w = np.where(small, 1.0, rate)
+    sin, less = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
+    half = 0.5 * h * h
+    parts = (
+        (np.where(small, 0.0, less / w**2 - half), np.where(small, angle * half / 3.0, (angle - sin) / w**2)),
+        (np.where(small, 0.0, sin / w - h), np.where(small, angle * 0.5 * h, less / w)),
+        (-less, sin),
+    )
+    ae, an = x[4], x[5]
+    return np.stack([row for same, turned in parts for row in (same * ae - turned * an, same * an + turned * ae)])
 
 
 def _across(x: Array) -> tuple[Array, Array]:
