@@ -98,10 +98,10 @@ def places(stack: Stack) -> dict[str, Place]:
                 return recent[-1] if len(recent) > 2 and counts[0] == counts[1] else None
 
             counted = wait_until(settled, "the service to have counted what was under way")
+            newest = {sensor: listener.messages[-1] for sensor, listener in heard.items()}
         finally:
             for sensor in SENSORS:
                 stack.resume(sensor)
-    newest = {sensor: listener.messages[-1] for sensor, listener in heard.items()}
     return {s: Place(newest[s]["epoch"], newest[s]["seq"], counted[s]["batches"]) for s in SENSORS}
 
 
