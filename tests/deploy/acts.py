@@ -1,6 +1,6 @@
 """What somebody tries inside a container against a locked router; runs there and prints one JSON line.
 
-    acts.py NAME SECONDS ACTS        ACTS is JSON: [[what, key], ...], all tried at the same time, a session each
+    acts.py NAME SECONDS GIVE_UP ACTS    ACTS is JSON: [[what, key], ...], all tried at the same time, a session each
 
 The connection is the container's own (AEROSKEIN_ZENOH__...). ``put`` puts payloads that carry NAME, plain and with a
 cache; ``hear`` and ``hear-again`` count what arrives, plain and with the cache's history; ``ask`` counts answers;
@@ -19,7 +19,7 @@ from concurrent.futures import ThreadPoolExecutor
 from aeroskein_service.config import load_config
 from aeroskein_service.transport import OpenCancelledError, SensorPublisher, Session, open_session
 
-GIVE_UP_S = 10.0
+OPENING = threading.Lock()  # one handshake at a time: the router has more to do
 PAUSE_S = 0.1
 
 
@@ -54,25 +54,27 @@ def act(session: Session, name: str, what: str, key: str, seconds: float) -> int
     return len(got)
 
 
-def attempt(name: str, what: str, key: str, seconds: float) -> int | None:
-    """The act in a session of its own; None where the router lets nobody in."""
+def attempt(name: str, what: str, key: str, seconds: float, give_up_s: float) -> int | None:
+    """The act in a session of its own; None where the router lets nobody in for so long."""
     stop = threading.Event()
-    giving_up = threading.Timer(GIVE_UP_S, stop.set)
-    giving_up.start()
-    try:
-        with open_session(load_config(sensors_required=False).zenoh.link, stop=stop) as session:
-            return act(session, name, what, key, seconds)
-    except OpenCancelledError:
-        return None
-    finally:
-        giving_up.cancel()
+    with OPENING:
+        giving_up = threading.Timer(give_up_s, stop.set)
+        giving_up.start()
+        try:
+            session = open_session(load_config(sensors_required=False).zenoh.link, stop=stop)
+        except OpenCancelledError:
+            return None
+        finally:
+            giving_up.cancel()
+    with session:
+        return act(session, name, what, key, seconds)
 
 
 def main() -> None:
     """Try everything and say what came of each."""
-    name, seconds, acts = sys.argv[1], float(sys.argv[2]), json.loads(sys.argv[3])
+    name, seconds, give_up_s, acts = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), json.loads(sys.argv[4])
     with ThreadPoolExecutor(len(acts)) as at_once:
-        outcomes = at_once.map(lambda one: attempt(name, one[0], one[1], seconds), acts)
+        outcomes = at_once.map(lambda one: attempt(name, one[0], one[1], seconds, give_up_s), acts)
         print(json.dumps(list(outcomes)))
 
 

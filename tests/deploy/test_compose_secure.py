@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from tests.deploy.conftest import environment
-from tests.deploy.stack import DEPLOY, ROOT, RUN, Stack, run, wait_until
+from tests.deploy.stack import DEPLOY, LIMIT_S, ROOT, RUN, Stack, run, wait_until
 from tests.integration.harness import Listener
 
 from aeroskein_service.keys import Keys
@@ -25,6 +25,7 @@ KEYS = Keys("atc/v1")
 PARTICIPANTS = ("router", "adsb", "radar1", "radar2", "fusion", "web", "consumer", "operator")
 SERVICES = {"router", "adsb", "radar1", "radar2", "fusion", "web", "consumer"}
 TRYING_S = 15.0
+GIVE_UP_S = 10.0  # where nobody is let in
 
 # Identity, what it does (tests/deploy/acts.py), key. Everybody's acts are tried at once, from one container each.
 ALLOWED_TO_GET = [
@@ -176,7 +177,7 @@ def outcome(stack, image, certificates) -> Outcome:
         tries = {
             identity: subprocess.Popen(
                 container_of(stack, image, certificates / identity, "tls/router:7447", identity, str(TRYING_S),
-                             json.dumps([one[1:] for one in acts])),
+                             str(LIMIT_S), json.dumps([one[1:] for one in acts])),
                 stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             )
             for identity, acts in by_identity.items()
@@ -287,7 +288,7 @@ def test_stranger_is_not_let_in(stack, image, certificates, who):
         (identity / "ca.pem").write_bytes((certificates / "fusion" / "ca.pem").read_bytes())
         readable(identity)
     acts = json.dumps([("hear", "atc/v1/feed/live/*"), ("ask", "atc/v1/query/tracks")])
-    tried = run(*container_of(stack, image, identity, endpoint, who, "3", acts))
+    tried = run(*container_of(stack, image, identity, endpoint, who, "3", str(GIVE_UP_S), acts))
     assert json.loads(tried.splitlines()[-1]) == [None, None]
 
 
