@@ -2,7 +2,7 @@
 
 The only file that knows the order of the stages:
 
-    receive   (receiving.py) intake -> calibration -> place -> identity -> repeats -> buffers -> live -> live points
+    receive   anteroom, then (receiving.py) intake -> calibration -> place -> identity -> repeats -> buffers -> live
     advance   start of elements -> closing -> master -> fusion -> element points -> registration -> ageing
 
 Time is an argument; what happened comes back as events, in columns.
@@ -94,6 +94,9 @@ class FusionEngine:
         self._now_s = now_s
         self._clock.start()
         self._begin_block()
+        plots = self._receiver.anteroom.let_in(plots, now_s)
+        if not len(plots):
+            return []
         return self._receiver.receive(plots, now_s, want_dispositions=self.want_dispositions)
 
     def _begin_block(self) -> None:
@@ -122,6 +125,7 @@ class FusionEngine:
         self._now_s = self._advanced_s = now_s
         self._clock.start()
         self._begin_block()
+        events += self._receive_due(now_s)
         self._start_elements(now_s)
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
         until_s = np.minimum(now_s, state.tracks.received_s + self.settings.tracks.terminate_s)
@@ -150,11 +154,19 @@ class FusionEngine:
 
         With ``most``, those of so many tracks: to be called again until it returns no element point.
         """
-        events = self.advance(now_s=now_s, most=most)
+        events = self._receive_due(now_s, math.inf)
+        events += self.advance(now_s=now_s, most=most)
         self._start_elements(math.inf)
         elements, tracks = self._state.elements, self._state.tracks
         left = np.flatnonzero(elements.open & (elements.boundaries_s[:, 0] < tracks.newest_s))
         return events + self._close_rest(left if most is None else left[:most])
+
+    def _receive_due(self, now_s: float, until_s: float | None = None) -> list[Event]:
+        """Take in plots that have waited for the others of their scan."""
+        waited = self._receiver.anteroom.due(now_s if until_s is None else until_s)
+        if not len(waited):
+            return []
+        return self._receiver.receive(waited, now_s, want_dispositions=self.want_dispositions)
 
     def _terminate(self, now_s: float) -> list[Event]:
         state = self._state
@@ -253,12 +265,12 @@ class FusionEngine:
         return events
 
     def next_deadline_s(self) -> float | None:
-        """When ``advance`` has something to do next; None while there is no track."""
-        state = self._state
+        """When ``advance`` has something to do next; None while there is no track and no plot waits."""
+        state, waiting_s = self._state, self._receiver.anteroom.next_s
         active = state.tracks.active
         if not len(active):
-            return None
-        due = float(state.elements.due_s.min(initial=math.inf))
+            return waiting_s if math.isfinite(waiting_s) else None
+        due = min(float(state.elements.due_s.min(initial=math.inf)), waiting_s)
         return min(due, self._advanced_s + ageing.COAST_PERIOD_S)
 
     @property

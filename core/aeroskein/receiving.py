@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from aeroskein import ageing, conversion, dispositions
+from aeroskein.anteroom import Anteroom
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.believing import LIVE_PERIODS, Believing
 from aeroskein.engine_state import EngineState, StageClock
@@ -30,6 +31,7 @@ class Receiver:
     """Takes reports in; the engine owns what it works on."""
 
     def __init__(self, state: EngineState, biases: AppliedBiases, clock: StageClock) -> None:
+        self.anteroom = Anteroom(state.sensors.is_radar)
         self.intake = Intake(state.settings)
         self.biases = biases
         self.believing = Believing(state)
@@ -39,7 +41,7 @@ class Receiver:
         self._is_adsb: Bools = np.array([s.kind == "adsb" for s in state.settings.sensors], dtype=np.bool_)
 
     def receive(self, plots: Plots, now_s: float, *, want_dispositions: bool) -> list[Event]:
-        """Take reports in; returns live points, track changes, rejections and dispositions."""
+        """Take reports in whose turn it is; returns live points, track changes, rejections and dispositions."""
         # Against the clock at its arrival: what a report waited for its turn since is not its fault.
         verdicts = self.intake.check(plots, np.fmin(plots.received_s, now_s))
         rows = np.flatnonzero(verdicts.reason == 0)

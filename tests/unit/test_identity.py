@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.builders import ADSB, RADAR1, RADAR2, START_S, Drive, Flight, adsb, distance_m, engine_settings, radar
 
+from aeroskein.events import Dispositions
 from aeroskein.plots import Plots
 from aeroskein.points import Flag, Status
 from aeroskein.reasons import Reason
@@ -27,6 +28,10 @@ def nameless(plots: Plots, **columns: object) -> Plots:
 
 def moved_north(plots: Plots, metres: object) -> Plots:
     return dataclasses.replace(plots, lat_deg=plots.lat_deg + np.asarray(metres) / 111_200.0)
+
+
+def moved_away(plots: Plots, metres: float) -> Plots:
+    return dataclasses.replace(plots, range_m=plots.range_m + metres)
 
 
 def ssr(flight: Flight, times_s: object, **columns: object) -> Plots:
@@ -155,6 +160,35 @@ def test_an_aircraft_that_changes_its_code_keeps_its_track() -> None:
 
     assert set(drive.live.track_number) == {1}
     assert drive.live.mode_a[-1] == 0o4521
+
+
+def test_plots_of_a_scan_are_decided_together_though_they_arrive_apart() -> None:
+    coarse = dataclasses.replace(RADAR1, range_sigma_m=300.0, azimuth_sigma_deg=0.4)
+    drive = Drive.of(engine_settings(ADSB, coarse))
+    beside = dataclasses.replace(LEVEL, lat_deg=LEVEL.lat_deg + 0.005, address=LEVEL.address + 1)
+    own = [adsb(f, np.arange(0.0, 30.0), sigma_m=8.0, seed=k) for k, f in enumerate((LEVEL, beside))]
+    # Both lie 400 m too far north-east, so that the first to come is nearer to the track of the other.
+    first, second = (
+        moved_away(nameless(radar(flight, [20.0], delay_s=delay_s)), -400.0)
+        for flight, delay_s in ((LEVEL, 0.4), (beside, 1.6))
+    )
+    drive.engine.want_dispositions = True
+
+    drive.feed([*own, first, second], until_s=25.0)
+
+    told = [e for e in drive.events if isinstance(e, Dispositions) and (e.sensor == 1).any() and (e.element < 0).all()]
+    assert [e.label[e.sensor == 1].tolist() for e in told] == [[LEVEL.address, beside.address]]
+
+
+def test_a_plot_without_a_name_is_not_kept_waiting_at_the_end() -> None:
+    drive = Drive.of(engine_settings(ADSB, RADAR1))
+    drive.feed([adsb(LEVEL, np.arange(0.0, 20.5), sigma_m=8.0), nameless(ssr(LEVEL, [20.0]))], until_s=20.5)
+    assert drive.counts[1].sum() == 0
+    assert drive.engine.next_deadline_s() is not None
+
+    drive.finish()
+
+    assert drive.counts[1, Reason.ACCEPTED] == 1
 
 
 @pytest.fixture(scope="module")
