@@ -31,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = _options(arguments)
     rows = [row for row in ROWS if not options.row or row.name in options.row]
     needed = [case for name, case in CASES.items() if any(name in row.cases for row in rows)]
-    cases = [_sized(case, options.seed, options.quick) for case in needed]
+    cases = [_sized(case, options.seed, options.quick, options.seconds) for case in needed]
     began_s = time.monotonic()
     outcomes = _outcomes(cases, options.jobs)
     figures = [figure for row in rows for figure in row.figures(outcomes)]
@@ -55,14 +55,17 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--quick", action="store_true", help="eight flights a cell instead of sixteen")
     parser.add_argument("--row", action="append", default=[], choices=[row.name for row in ROWS], help="only this row")
     parser.add_argument("--seed", action="append", type=int, default=[], help="other flights and noise (repeatable)")
+    parser.add_argument("--seconds", type=float, help="length of every flight, instead of each case's own")
     parser.add_argument("--jobs", type=int, default=2, help="scenes flown side by side")
     parser.add_argument("--json", metavar="FILE", help="write the figures as JSON too")
     parser.add_argument("--markdown", metavar="FILE", help="write the tables of docs/accuracy.md too")
     return parser.parse_args(arguments)
 
 
-def _sized(case: Case, seeds: list[int], quick: bool) -> Case:
+def _sized(case: Case, seeds: list[int], quick: bool, seconds: float | None) -> Case:
     scene = case.scene
+    if seconds is not None:
+        scene = replace(scene, duration_s=seconds)
     if seeds:
         scene = replace(scene, seeds=tuple(seeds))
     if quick:
