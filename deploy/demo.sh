@@ -7,7 +7,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export AEROSKEIN_IMAGE="${AEROSKEIN_IMAGE:-aeroskein:demo}" COMPOSE_PROJECT_NAME="${COMPOSE_PROJECT_NAME:-aeroskein}"
-limit_s=180
+limit_s=300
 
 if docker compose version >/dev/null 2>&1; then tool=(docker compose); else tool=(docker-compose); fi
 compose() { "${tool[@]}" -f deploy/compose.yaml "$@"; }
