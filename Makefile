@@ -54,12 +54,13 @@ real-data: $(STAMP)
 	$(BIN)/pip install --quiet --no-deps traffic==2.13
 	install -D -m 0644 $(VENV)/lib/python3*/site-packages/traffic/$(SAMPLE) build/real-data/$(SAMPLE)
 
+# TESTS=tests/unit/test_ahp.py runs those only; it may also be any option of pytest.
 test: $(DEV_STAMP)
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 # Skipped with a reason where there is no Docker engine.
 test-compose: $(DEV_STAMP)
-	AEROSKEIN_COMPOSE_TESTS=1 $(BIN)/python -m pytest tests/deploy
+	AEROSKEIN_COMPOSE_TESTS=1 $(BIN)/python -m pytest tests/deploy $(TESTS)
 
 lint: $(DEV_STAMP)
 	$(BIN)/ruff check .
