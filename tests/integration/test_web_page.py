@@ -215,6 +215,8 @@ def test_address_bar_holds_the_view_and_gives_it_back(page):
     shown = page()
     shown.press("v", "c", "g", "t", "x")
     shown.get("document.activeElement.blur()")
+    # Somebody is in view, who can be stepped to
+    shown.wait("__view.labels > 0 && location.search.includes('zoom=')")
     shown.press("n")
     shown.wait("location.search.includes('sel=')")
     query = shown.get("location.search.slice(1)")
