@@ -70,7 +70,9 @@ def test_nothing_restarts_and_no_log_has_an_error(stack):
         for _, line in stack.log(service):
             assert not line.startswith(("aeroskein:", "Traceback")), line
             if line.startswith("{") and service == "fusion":
-                assert json.loads(line)["level"] == "info", line
+                # Warnings tell of waiting for the router and of a busy machine; neither is an error.
+                told = json.loads(line)
+                assert told["level"] == "info" or told["event"] in ("router", "live_points_thinned"), line
 
 
 def test_containers_run_without_privileges(stack):
