@@ -25,8 +25,8 @@ SLOWEST_MPS: Final = 30.0
 # Turn rates are taken for at least this speed, and no higher than this, twice a standard-rate turn. [m/s], [rad/s]
 TURN_SPEED_MIN_MPS: Final = 60.0
 TURN_RATE_MAX_RADPS: Final = 0.12
-# Below this the first terms of the series serve: what they leave out is a part in ten million. [rad]
-SMALL_ANGLE_RAD: Final = 1e-3
+# Below this the first terms of the series serve: what they leave out is a part in a thousand million. [rad]
+SMALL_ANGLE_RAD: Final = 1e-4
 
 # The rows of an acceleration east and north beside the same other component.
 _ACCELERATION_PAIRS: Final = ((4, 5), (10, 11), (14, 15), (18, 19))

@@ -25,7 +25,7 @@ FLAGS = ["--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox"]
 # Chromium's own remarks about WebGL without a graphics card, which no page can avoid.
 DRIVER_REMARKS = ("GL Driver Message", "GPU stall")
 VIEWPORT = {"width": 1400, "height": 900}
-LIMIT_MS = 30_000
+LIMIT_MS = 60_000
 
 FLEET = tuple(f"{0x400000 + k:06X}" for k in range(100))
 
