@@ -64,7 +64,7 @@ def configure(kernel: ctypes.CDLL, models: manoeuvre.ModelSet) -> None:
         manoeuvre.STEADY_ACCELERATION_DENSITY, gating.GATE, elements.BOUNDARY_SIGMAS, elements.SMALLEST_HALF_WIDTH_M,
         elements.LARGEST_HALF_WIDTH_M, estimator.HOVER_MPS, coordinated_turn.SLOWEST_MPS,
         coordinated_turn.TURN_SPEED_MIN_MPS, coordinated_turn.TURN_RATE_MAX_RADPS, estimator.ALONG_SHARE,
-        estimator.ACROSS_SHARE, float(models.turns),
+        estimator.ACROSS_SHARE, float(models.turns), coordinated_turn.SMALL_ANGLE_RAD,
     ])  # fmt: skip
     kernel.configure(*(_pointer(a) for a in (models.rates, models.along, models.across, rest)))
 

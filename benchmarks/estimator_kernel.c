@@ -103,7 +103,7 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 }
 
 /* Given by the caller, so that they stand in one place only. */
-static double RATES[3][3], ALONG[3], ACROSS[3], STEADY, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
+static double RATES[3][3], ALONG[3], ACROSS[3], STEADY, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX, SMALL;
 static double ALONG_SHARE, ACROSS_SHARE;
 static int TURNS;
 
@@ -113,7 +113,7 @@ void configure(const double *rates, const double *along, const double *across, c
     memcpy(ACROSS, across, sizeof ACROSS);
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
-    TURNS = rest[11] > 0.0;
+    TURNS = rest[11] > 0.0; SMALL = rest[12];
     DOUBT = SIGMAS * SIGMAS;
 }
 
@@ -126,19 +126,25 @@ static void across_of(V *x, double *e, double *n) {
 }
 
 static void turn(V *x, V *P, const double *h, const double *along, const double *across) {
-    V e, n, rate, je, jn;
+    V e, n, ae, an, step[3][2];
     across_of(x, e, n);
     EACH {
         double square = fmax(x[2][l] * x[2][l] + x[3][l] * x[3][l], TURN_MIN * TURN_MIN);
-        rate[l] = fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
-        je[l] = -rate[l] * x[5][l]; jn[l] = rate[l] * x[4][l];
+        double rate = fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
+        double angle = rate * h[l], s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t, half = 0.5 * h[l] * h[l];
+        int small = fabs(angle) < SMALL;
+        step[0][0][l] = small ? 0.0 : less / (rate * rate) - half;
+        step[0][1][l] = small ? angle * half / 3.0 : (angle - s) / (rate * rate);
+        step[1][0][l] = small ? 0.0 : s / rate - h[l];
+        step[1][1][l] = small ? angle * 0.5 * h[l] : less / rate;
+        step[2][0][l] = -less;
+        step[2][1][l] = s;
+        ae[l] = x[4][l]; an[l] = x[5][l];
     }
     predict(x, P, h, along);
-    EACH {
-        double g = 0.5 * h[l] * h[l], k = g * h[l] / 3.0;
-        x[0][l] += k * je[l]; x[1][l] += k * jn[l];
-        x[2][l] += g * je[l]; x[3][l] += g * jn[l];
-        x[4][l] += h[l] * je[l]; x[5][l] += h[l] * jn[l];
+    for (int k = 0; k < 3; k++) EACH {
+        x[2 * k][l] += step[k][0][l] * ae[l] - step[k][1][l] * an[l];
+        x[2 * k + 1][l] += step[k][0][l] * an[l] + step[k][1][l] * ae[l];
     }
     EACH {
         double ee = e[l] * e[l], nn = n[l] * n[l], aimless = 0.5 * (1.0 - ee - nn), more = (across[l] - along[l]) * h[l];
