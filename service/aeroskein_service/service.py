@@ -27,9 +27,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Service"]
 
-# Batches fetched from the sensors' caches at the start: enough to bridge a quick restart, too few to be mostly late.
+# Batches fetched from the sensors' caches at the start: enough that elements go on where they ended before a quick
+# restart (an element is published seven seconds and more after it began), too few to be mostly late.
 HISTORY_BATCHES: Final = 500
-HISTORY_S: Final = 5.0
+HISTORY_S: Final = 15.0
 STUCK_S: Final = 10.0  # a worker that has not turned for so long is not alive
 
 
