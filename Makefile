@@ -54,9 +54,10 @@ real-data: $(STAMP)
 	$(BIN)/pip install --quiet --no-deps traffic==2.13
 	install -D -m 0644 $(VENV)/lib/python3*/site-packages/traffic/$(SAMPLE) build/real-data/$(SAMPLE)
 
+# A browser that did not come round within a minute beside everything else gets a second chance.
 # TESTS=tests/unit/test_ahp.py runs those only; it may also be any option of pytest.
 test: $(DEV_STAMP)
-	$(BIN)/python -m pytest -n 2 --dist loadfile $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --reruns 1 --only-rerun playwright $(TESTS)
 
 # Skipped with a reason where there is no Docker engine.
 test-compose: $(DEV_STAMP)
