@@ -57,7 +57,7 @@ real-data: $(STAMP)
 # A browser that did not come round within a minute beside everything else gets a second chance.
 # TESTS=tests/unit/test_ahp.py runs those only; it may also be any option of pytest.
 test: $(DEV_STAMP)
-	$(BIN)/python -m pytest -n 2 --dist loadfile --reruns 1 --only-rerun playwright $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --reruns 1 --only-rerun TimeoutError $(TESTS)
 
 # Skipped with a reason where there is no Docker engine.
 test-compose: $(DEV_STAMP)
