@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from benchmarks.association_scene import HALF_M, SCAN_S, Scan, candidates, in_disc, positions, scan
+from benchmarks.goals import require, verdict
 
 from aeroskein.association import Associator, FreePlots, Initiator
 from aeroskein.geodesy import frame_rows, from_plane
@@ -36,14 +37,6 @@ GOAL_SIZE = 200
 MOST_WITHOUT_TREE = 200
 MANY_MS = 100.0
 FALSE_TRACKS_PER_HOUR = 1.0
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 def settings(method: str = "mahalanobis", period_s: float = SCAN_S) -> EngineSettings:
@@ -286,8 +279,7 @@ def main() -> int:
     table(arguments.repeats)
     speed()
     initiation(arguments.hours)
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 from benchmarks.engine_runs import RADARS, SENSORS, fly, judged, true_flights
+from benchmarks.goals import require, verdict
 
 from aeroskein.events import Dispositions
 from aeroskein.plots import Array, Plots
@@ -44,14 +45,6 @@ GOALS: Final[dict[tuple[Scenario, bool, bool], float]] = {
     ("formation", True, True): 99.5,
 }
 FALSE_TRACKS_PER_HOUR: Final = 1.0
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 @dataclass
@@ -196,8 +189,7 @@ def main() -> int:
     options = parser.parse_args()
     for name in options.case or cases:
         cases[name]()
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":

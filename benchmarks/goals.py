@@ -1,4 +1,4 @@
-"""Rows of a benchmark with their goals: printed as a table, judged, and turned into an exit status."""
+"""Goals of a benchmark: rows that are printed as a table and judged, or single claims; both become an exit status."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Row", "judged"]
+__all__ = ["Row", "judged", "require", "verdict"]
+
+# Claims that did not hold; a benchmark is a process of its own.
+_failures: list[str] = []
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,3 +45,16 @@ def judged(title: str, rows: Sequence[Row]) -> int:
         goals = "".join(f"{'' if goal is None else f'{sign} {goal:g}':>9s}" for goal in (row.must, row.aim))
         print(f"  {row.name:52s}{row.value:10.4g} {row.unit:9s}{goals}  {row.verdict}".rstrip(), flush=True)
     return int(any(row.verdict == "MISSED" for row in rows))
+
+
+def require(ok: bool, what: str) -> None:
+    """Note a claim that does not hold."""
+    if not ok:
+        _failures.append(what)
+        print(f"    MISSED: {what}")
+
+
+def verdict() -> int:
+    """Say whether every claim held; returns the exit status."""
+    print("all goals met" if not _failures else f"{len(_failures)} goals missed")
+    return int(bool(_failures))

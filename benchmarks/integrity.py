@@ -11,6 +11,7 @@ import argparse
 import sys
 
 import numpy as np
+from benchmarks.goals import require, verdict
 from benchmarks.integrity_scene import Run, World
 
 from aeroskein.integrity import Belief
@@ -20,14 +21,6 @@ GHOST_GOAL_S = DRIFT_GOAL_S = 30.0
 DRIFT_FROM_M = 500.0
 FALSE_PER_1000_HOURS = 1.0
 VICTIM = 3
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 def play(world: World, seconds: float) -> Run:
@@ -126,8 +119,7 @@ def main() -> int:
     wrong_positions(arguments.runs)
     common_errors()
     false_alarms(arguments.hours)
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 from benchmarks.engine_runs import SENSORS, Change, bias_errors, fly, signed_biases
+from benchmarks.goals import require, verdict
 
 from aeroskein.plots import Plots
 from aeroskein.points import Flag, FusedPoints, Product, Status
@@ -37,14 +38,6 @@ ADDRESS_STEP: Final = 16
 # Addresses of the aircraft that drift: speed [m/s], and when it begins [s]; and how long they are watched. [s]
 DRIFTS: Final = {0x400030: (2.0, 150.0), 0x400090: (20.0, 180.0), 0x4000F0: (10.0, 250.0), 0x400150: (5.0, 330.0)}
 DRIFT_RUN_S: Final = 490.0
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 @dataclass(slots=True)
@@ -170,8 +163,7 @@ def main() -> int:
     options = parser.parse_args()
     for name in options.case or cases:
         cases[name]()
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":

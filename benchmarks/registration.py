@@ -15,6 +15,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from benchmarks.goals import require, verdict
 from benchmarks.registration_scene import START_S, Scene, comparisons, engine_settings, two_radars
 
 from aeroskein.plots import Array, Bools
@@ -31,14 +32,6 @@ GOALS = {
 DISPLACEMENT_GOAL_M = (10.0, 25.0)
 NEES_GOAL = (0.5, 2.0)
 JUMP_GOAL_S = 180.0
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 def play(scene: Scene, marks: Iterable[float], **settings: Any) -> tuple[Registration, list[tuple[Array, Array]]]:
@@ -203,8 +196,7 @@ def main() -> int:
         if name == "kalman":
             for radar in range(2):
                 require(bool(d[radar, 1] <= DISPLACEMENT_GOAL_M[radar]), f"displacement left, radar {radar + 1}")
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":

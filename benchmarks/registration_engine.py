@@ -16,6 +16,7 @@ from typing import Final, Literal
 
 import numpy as np
 from benchmarks.engine_runs import SENSORS, Change, Step, bias_errors, fly, judged, signed_biases, true_flights
+from benchmarks.goals import require, verdict
 
 from aeroskein.plots import Array, Plots
 from aeroskein.points import Product
@@ -36,14 +37,6 @@ JUMP_GOAL_S: Final = 180.0
 JUMP_AT_S: Final = 300.0
 # Length of the runs whose fused points are judged, from five minutes on. [s]
 FUSED_S: Final = 390.0
-failures: list[str] = []
-
-
-def require(ok: bool, what: str) -> None:
-    """Note a missed goal."""
-    if not ok:
-        failures.append(what)
-        print(f"    MISSED: {what}")
 
 
 @dataclass(slots=True)
@@ -213,8 +206,7 @@ def main() -> int:
     options = parser.parse_args()
     for name in options.case or CASES:
         CASES[name](options.runs)
-    print("all goals met" if not failures else f"{len(failures)} goals missed")
-    return int(bool(failures))
+    return verdict()
 
 
 if __name__ == "__main__":
