@@ -3,6 +3,8 @@
 The watermark is right where reports come within it. A feed that usually comes later would have its elements closed
 before the look-ahead has arrived, and every element would hang on which reports happened to be early. So the wait
 follows the delay that 95 % of a fast sensor's reports keep to, never below the watermark and never above its limit.
+
+What is older than the first arrival comes out of a sensor's cache: it waited for us, and says nothing of the feed.
 """
 
 from __future__ import annotations
@@ -36,13 +38,17 @@ class Lateness:
         self._most_s = max(fusion.watermark_max_s, fusion.watermark_s)
         self._fast: Bools = np.array([s.period_s < FAST_PERIOD_S for s in settings.sensors], dtype=np.bool_)
         self._counts = np.zeros((len(settings.sensors), int(np.ceil(self._most_s / STEP_S)) + 1))
+        self._began_s = np.inf
         self.wait_s = self._least_s
 
-    def note(self, sensor: NDArray[np.int16], delay_s: Array) -> None:
-        """Take the delays ``(n,)`` between stamp and arrival of accepted reports. [s]"""
+    def note(self, sensor: NDArray[np.int16], time_s: Array, received_s: Array) -> None:
+        """Take stamp and arrival ``(n,)`` of accepted reports. [s since the epoch]"""
+        if np.isinf(self._began_s):
+            self._began_s = float(received_s.min(initial=np.inf))
+        live = time_s >= self._began_s
         last = self._counts.shape[1] - 1
-        step = np.clip(delay_s / STEP_S, 0.0, last).astype(np.int64)
-        np.add.at(self._counts, (sensor, step), 1.0)
+        step = np.clip((received_s - time_s)[live] / STEP_S, 0.0, last).astype(np.int64)
+        np.add.at(self._counts, (sensor[live], step), 1.0)
 
     def follow(self) -> float:
         """Called once a second: what to wait from now on. [s]"""

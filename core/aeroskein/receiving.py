@@ -163,7 +163,7 @@ class Receiver:
         """Identity, status and flags of tracks that got reports; live points."""
         state, raw, slot = self._state, batch.raw, batch.slot
         state.tracks.note(slot, raw, reports.time_s)
-        state.lateness.note(raw.sensor, raw.received_s - raw.time_s)
+        state.lateness.note(raw.sensor, raw.time_s, raw.received_s)
         _flag_ground(state, slot, raw)
         state.tracks.flags[slot[self.biases.uncertain[raw.sensor]]] |= np.uint16(Flag.BIAS_UNCERTAIN)
         slots = np.unique(slot)

@@ -45,6 +45,7 @@ REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten s
 SNAPSHOT_S: Final = 10.0
 LOGGED_CHANGES: Final = 20  # more track changes than this in one turn become one line
 NO_PLOTS: Final = Plots.of(0)
+GATHER_S: Final = 1.0  # sensors repeat what is in their caches within this; elements begun earlier would lack some
 DRAIN_S: Final = 1.0  # what is queued at the end is worked on for this long, the rest counts as overload
 FINISH_S: Final = 2.5  # and then open elements are closed for this long
 
@@ -102,7 +103,8 @@ class Runner:
         self.ended = threading.Event()
 
     def start(self) -> None:
-        """Begin to work."""
+        """Begin to work; the first elements wait until sensors have repeated what went before."""
+        self._advance_from_s = self._next_advance_s = monotonic() + GATHER_S
         self._thread.start()
 
     def stop(self) -> None:

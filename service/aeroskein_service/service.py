@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Service"]
 
-# Batches fetched from the sensors' caches at the start: enough that elements go on where they ended before a quick
-# restart (an element is published seven seconds and more after it began), too few to be mostly late.
+# Batches fetched from the sensors' caches at the start, so that elements go on where they ended before a restart: an
+# element is published up to ten seconds after it began, which leaves fifteen for being away. Older reports would soon
+# be too old (``fusion.max_age_s``).
 HISTORY_BATCHES: Final = 500
-HISTORY_S: Final = 15.0
+HISTORY_S: Final = 25.0
 STUCK_S: Final = 10.0  # a worker that has not turned for so long is not alive
 
 

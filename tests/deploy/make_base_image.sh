@@ -27,8 +27,10 @@ trap 'rm -rf "$root"' EXIT
 debootstrap --variant=minbase --include=python3-minimal,python3-venv,ca-certificates,libstdc++6 \
     bookworm "$root" >"$root.log" 2>&1 || { tail -5 "$root.log" >&2; exit 1; }
 rm -f "$root.log"
-# What no container needs: package lists, manuals, translations of messages.
+# What no container needs: package lists, manuals, translations of messages. The official image has neither Python's own
+# tests nor compiled modules, so this one has neither.
 rm -rf "$root"/var/lib/apt/lists/* "$root"/var/cache/apt/* "$root"/var/log/* \
-    "$root"/usr/share/{doc,man,info,locale}/*
+    "$root"/usr/share/{doc,man,info,locale}/* "$root"/usr/lib/python3*/test
+find "$root" -name '*.pyc' -delete
 tar -C "$root" -c . | docker import --change 'CMD ["python3"]' - "$name" >/dev/null
 docker image inspect --format "{{.Size}}" "$name" | awk -v name="$name" '{printf "%s: %.0f MB\n", name, $1 / 1e6}'

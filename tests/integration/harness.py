@@ -12,8 +12,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Self
 
@@ -124,6 +125,17 @@ def flight(address: str, until_s: float, seconds: int = 12) -> list[dict[str, An
     return [report(address, until_s - back) for back in range(seconds - 1, -1, -1)]
 
 
+def seams(elements: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[float, float]]]:
+    """Of every aircraft: where each of its elements ended, and where the next one began. [s since the epoch]"""
+    spans: dict[str, list[list[float]]] = {}
+    for point in elements:
+        spans.setdefault(point["address"], []).append(point["span_s"])
+    return {
+        address: [(before[1], after[0]) for before, after in pairwise(sorted(of_one))]
+        for address, of_one in spans.items()
+    }
+
+
 class Sensor:
     """Speaks as one sensor."""
 
@@ -153,6 +165,23 @@ class Sensor:
     def put(self, payload: bytes) -> None:
         """Put any bytes."""
         self._publisher.put(payload)
+
+    @contextmanager
+    def flying(self, addresses: Sequence[str], period_s: float) -> Iterator[None]:
+        """Report these aircraft as time passes, from a thread, until the block ends."""
+        over = threading.Event()
+
+        def fly() -> None:
+            while not over.wait(period_s):
+                self.send([report(address, time.time()) for address in addresses])
+
+        thread = threading.Thread(target=fly, name=f"sensor-{self.sensor}")
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
 
 
 class Listener:

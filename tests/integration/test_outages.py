@@ -22,12 +22,14 @@ from tests.integration.harness import (
     make_config,
     report,
     running,
+    seams,
     wait_until,
     write_config,
 )
 
 from aeroskein_service.commands.demo import _write_config
 from aeroskein_service.process_tree import ProcessTree
+from aeroskein_service.service import HISTORY_S
 
 
 def test_restart_uses_no_number_again_and_publishes_no_second_twice(tmp_path, endpoint, session, keys):
@@ -83,6 +85,31 @@ def test_killed_service_repeats_neither_numbers_nor_elements(tmp_path, endpoint,
         assert service.stop() == 0
     assert min(p["track_number"] for p in after) > max(p["track_number"] for p in before)
     assert min(p["span_s"][0] for p in after) >= max(p["span_s"][1] for p in before)
+
+
+def test_every_second_is_in_an_element_when_a_killed_service_is_started_again(tmp_path, endpoint, session, keys):
+    path = write_config(tmp_path, endpoint, keys.prefix)
+    path.write_text(path.read_text() + f'\n[service]\nstate_dir = "{tmp_path / "state"}"\n')
+    elements = Listener(session, keys.fused("element", "*"))
+    # Given aircraft that fly on whatever happens to the service
+    with Sensor(session, keys).flying(ADDRESSES, 0.25):
+        with Process(tmp_path, "run", "--config", path) as service:
+            service.wait_for_err("service_started")
+            elements.wait_for(lambda points: len(points) >= 3 * len(ADDRESSES), "elements")
+            service.signal(signal.SIGKILL)
+            service.wait()
+        heard, epoch = len(elements.messages), elements.messages[-1]["epoch"]
+        # When it is started again
+        with Process(tmp_path, "run", "--config", path) as service:
+            service.wait_for_err("service_started")
+            began_s = time.time()
+            elements.wait_for(lambda points: len(points) >= heard + 3 * len(ADDRESSES), "elements")
+            assert service.stop() == 0
+    # Then elements follow on each other from the first to the last, as far back as sensors can repeat their reports
+    assert {p["address"] for p in elements.messages if p["epoch"] != epoch} == set(ADDRESSES)
+    for of_one in seams(elements.messages).values():
+        for ended_s, next_s in of_one:
+            assert ended_s <= next_s <= max(ended_s, began_s - HISTORY_S + 1.0)
 
 
 def test_killed_router_loses_nothing(tmp_path, keys):

@@ -6,12 +6,25 @@ import numpy as np
 from tests.builders import ADSB, RADAR1, engine_settings
 
 from aeroskein.lateness import Lateness
+from aeroskein.plots import Array
 
 
-def after(delays_s: object, sensor: int = 0, **fusion: float) -> float:
+def note(lateness: Lateness, delay_s: Array, sensor: int = 0, stamp_s: float = 1000.0) -> None:
+    """Reports with one stamp and these delays."""
+    time_s = np.full(len(delay_s), stamp_s)
+    lateness.note(np.full(len(delay_s), sensor, dtype=np.int16), time_s, time_s + delay_s)
+
+
+def listening(**fusion: float) -> Lateness:
+    """Somebody who has heard a first report long ago."""
     lateness = Lateness(engine_settings(ADSB, RADAR1, **fusion))
-    delay_s = np.atleast_1d(np.asarray(delays_s, dtype=np.float64))
-    lateness.note(np.full(len(delay_s), sensor, dtype=np.int16), delay_s)
+    note(lateness, np.zeros(1), sensor=1, stamp_s=0.0)
+    return lateness
+
+
+def after(delays_s: Array, sensor: int = 0, **fusion: float) -> float:
+    lateness = listening(**fusion)
+    note(lateness, delays_s, sensor)
     return lateness.follow()
 
 
@@ -36,14 +49,28 @@ def test_a_slow_radar_s_delays_and_a_handful_of_reports_move_nothing() -> None:
 
 
 def test_a_feed_that_recovers_is_no_longer_waited_for() -> None:
-    lateness = Lateness(engine_settings(ADSB, RADAR1))
-    none = np.zeros(100, dtype=np.int16)
-    lateness.note(none, np.full(100, 3.0))
+    lateness = listening()
+    note(lateness, np.full(100, 3.0))
     late_s = lateness.follow()
 
     for _ in range(180):
-        lateness.note(none, np.full(100, 0.2))
+        note(lateness, np.full(100, 0.2))
         lateness.follow()
 
     assert late_s > 3.0
     assert lateness.wait_s == 1.0
+
+
+def test_reports_from_before_the_start_that_a_cache_had_are_not_waited_for() -> None:
+    # Given twenty seconds of reports that all arrive when the service starts
+    lateness = Lateness(engine_settings(ADSB, RADAR1))
+    age_s = np.linspace(20.0, 0.01, 600)
+    lateness.note(np.zeros(600, dtype=np.int16), 1000.0 - age_s, np.full(600, 1000.0))
+
+    # When the feed then comes as it always does
+    for second in range(30):
+        note(lateness, np.full(30, 0.3), stamp_s=1000.0 + second)
+        lateness.follow()
+
+        # Then elements never wait longer than the watermark
+        assert lateness.wait_s == 1.0
