@@ -202,13 +202,14 @@ class Identity:
         plot, slot = self._grid.near(state, ecef, now_s)
         pairs = candidates(state, asked, plot, slot)
         taken = self._associator.claims.taken(sensor[plot], slot, time_s[plot])
-        decision = self._associator.decide(sensor, asked.plots.local_track, time_s, pairs, taken)
+        spared = state.tracks.reported_by_others(slot, sensor[plot], now_s)
+        decision = self._associator.decide(sensor, asked.plots.local_track, time_s, pairs, taken, spared)
         won = decision.pair >= 0
         given = slot[decision.pair[won]]
         batch.slot[rows[won]] = given
         named.unsure = batch.rows[rows[won & ~decision.sure]]
         self._associator.claims.note(sensor[won], given, time_s[won])
-        free = np.flatnonzero(~won)
+        free = np.flatnonzero(~won & ~decision.withheld)
         if len(free):
             self._initiate(batch, rows[free], decision.contested[free], named)
 

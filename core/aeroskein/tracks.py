@@ -182,6 +182,13 @@ class TrackTable:
         said = np.flatnonzero(raw.callsign != b"")
         self.callsign[slots[said]] = raw.callsign[said]
 
+    def reported_by_others(self, slots: Ints, sensor: Ints, now_s: float) -> Bools:
+        """Whether another sensor than the given one is live on each track, ``(n,)``."""
+        silent_s = now_s - self.sensor_received_s[slots]
+        live = silent_s <= LIVE_PERIODS * self._periods
+        live[np.arange(len(slots)), sensor] = False
+        return np.asarray(live.any(axis=1))
+
     def expected_wait_s(self, slots: Ints, now_s: float) -> Array:
         """How long each track may be without a report before it coasts, by its fastest live sensor. [s]"""
         coast_min = self._settings.tracks.coast_min_s

@@ -32,9 +32,18 @@ class Associator:
         self.claims = Claims(period_s, slots)
         self._memory = PairingMemory(period_s)
 
-    def decide(self, sensor: Ints, local_track: Ints, time_s: Array, pairs: Candidates, taken: Bools) -> Decision:
-        """Score the pairs and decide; see ``PairingMemory.decide``."""
-        return self._memory.decide(sensor, local_track, time_s, pairs, self.scorer.score(pairs), taken)
+    def decide(
+        self,
+        sensor: Ints,
+        local_track: Ints,
+        time_s: Array,
+        pairs: Candidates,
+        taken: Bools,
+        spared: Bools | None = None,
+    ) -> Decision:
+        """Score the pairs and decide; see ``PairingMemory.decide``. Tracks spare nothing where it is not said."""
+        spared = np.zeros(len(pairs), dtype=np.bool_) if spared is None else spared
+        return self._memory.decide(sensor, local_track, time_s, pairs, self.scorer.score(pairs), taken, spared)
 
     def partner(self, sensor: Ints, local_track: Ints) -> Ints:
         """Established track number of a sensor's own targets, ``(n,)``; -1 where none."""

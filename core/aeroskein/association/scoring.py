@@ -126,11 +126,15 @@ class Score:
         In the gate.
     limit : (p,) float64
         Cost from which a plot is better left alone.
+    evidence, evidence_limit : (p,) float64
+        Minus twice the log likelihood, whatever the method; and that of a plot that is left alone.
     """
 
     cost: Array
     inside: Bools
     limit: Array
+    evidence: Array
+    evidence_limit: Array
 
 
 class Scorer:
@@ -168,7 +172,8 @@ def _score_mahalanobis(pairs: Candidates) -> Score:
     spread -= _least_by(pairs.plot, spread)
     inside = distance2 <= GATE_BY_DOF[dof]
     limit = GATE_BY_DOF[_most_by(pairs.plot, dof)]
-    return Score(distance2 + spread + pairs.mode_a_cost, inside, limit)
+    cost = distance2 + spread + pairs.mode_a_cost
+    return Score(cost, inside, limit, cost, limit)
 
 
 def _score_ahp(pairs: Candidates, weights: Array) -> Score:
@@ -187,7 +192,8 @@ def _score_ahp(pairs: Candidates, weights: Array) -> Score:
     inside = (position2 <= GATE_BY_DOF[2]) & (distance <= GATE_AHP)
     # A code moves the distance as its likelihood would move a squared distance.
     cost = np.sqrt(np.maximum(distance**2 + pairs.mode_a_cost, 0.0))
-    return Score(cost, inside, np.full(len(pairs), GATE_AHP))
+    likely = _score_mahalanobis(pairs)
+    return Score(cost, inside, np.full(len(pairs), GATE_AHP), likely.evidence, likely.evidence_limit)
 
 
 def velocity_factors(

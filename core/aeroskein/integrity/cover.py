@@ -49,7 +49,9 @@ DETECTION_MAX: Final = 0.97
 MEMORY_S: Final = 4.0 * 3600.0
 # Line of sight: an earth of 4/3 of its radius stands for refraction. [m]
 EFFECTIVE_RADIUS_M: Final = 4.0 / 3.0 * 6_371_000.0
-_REFRESH_S: Final = 5.0
+# Proofs are summed up anew after this time, and sooner where so much more has been seen since. [s], [share]
+REFRESH_S: Final = 5.0
+REFRESH_GROWTH: Final = 0.1
 
 
 def polar_of(site: Array, lat_deg: Array, lon_deg: Array, height_m: Array) -> tuple[Array, Array, Array]:
@@ -79,10 +81,13 @@ class CoverMap:
         self._proofs = np.zeros(shape)
         self._time_s = np.nan
         self._fresh_s = -np.inf
+        # Plots counted so far, and how many of them the proofs know.
+        self._plots = self._proved_plots = 0
 
     def seen(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, time_s: float) -> None:
         """Count plots of any aircraft, ``(n,)`` each; rows with NaN are left out."""
         known = np.isfinite(range_m + azimuth_deg + elevation_deg)
+        self._plots += int(known.sum())
         np.add.at(self._seen, self._cells(range_m[known], azimuth_deg[known], elevation_deg[known]), 1.0)
         self._age(time_s)
 
@@ -94,7 +99,7 @@ class CoverMap:
 
     def detection(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float) -> Array:
         """Probability that a turn of the radar shows an aircraft there, ``(n,)``; 0 outside cover."""
-        if now_s - self._fresh_s > _REFRESH_S:
+        if now_s - self._fresh_s > REFRESH_S or self._plots > (1.0 + REFRESH_GROWTH) * self._proved_plots:
             self._refresh(now_s)
         cells = self._cells(range_m, azimuth_deg, elevation_deg)
         covered = self._proofs[cells] >= PROOFS
@@ -110,7 +115,7 @@ class CoverMap:
 
     def _refresh(self, now_s: float) -> None:
         """Sum up, for every cell, the plots at least as far and not higher, in its sector and the two beside it."""
-        self._fresh_s = now_s
+        self._fresh_s, self._proved_plots = now_s, self._plots
         around = self._seen + np.roll(self._seen, 1, axis=0) + np.roll(self._seen, -1, axis=0)
         further = np.cumsum(around[:, ::-1], axis=1)[:, ::-1]
         lower = np.cumsum(further, axis=2)

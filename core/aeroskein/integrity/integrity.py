@@ -18,7 +18,7 @@ import numpy as np
 from aeroskein.geodesy import frame_rows, from_ecef
 from aeroskein.integrity.agreement import Agreement
 from aeroskein.integrity.cover import CoverMap, polar_of
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, columns_of
 from aeroskein.settings import EngineSettings
 
 __all__ = ["Belief", "Integrity", "Looks", "OwnPositions"]
@@ -45,6 +45,10 @@ ACCELERATION_SIGMA: Final = 2.0
 OFF_PERIODS: Final = 1.5
 # A turn is over when the radar's newest plot is this share of a period past the expected look.
 TURN_MARGIN: Final = 0.15
+# How far back, in turns, an aircraft counts as having been in cover that is proven only now, and how many missed turns
+# that is evidence for at most.
+LOOK_BACK_PERIODS: Final = 8.0
+LOOK_BACK_MISSES: Final = 3.0
 # A radar is in doubt when this share of at least so many tracks disagree with it.
 DOUBT_SHARE: Final = 0.3
 DOUBT_TRACKS: Final = 4
@@ -143,6 +147,10 @@ class Integrity:
         self._own_s = np.full(slots, -np.inf)
         self._own = np.zeros((slots, 7))
         self._due_s = np.full((len(sensors), slots), np.nan)
+        # Since when each radar has been turning, and where each track was, as each radar sees it, while it was not yet
+        # in its cover: time, range, azimuth, elevation.
+        self._on_s = np.full(len(sensors), np.inf)
+        self._before = np.full((len(sensors), slots, 4), np.nan)
         self._hits = np.zeros((len(sensors), slots), dtype=np.int64)
 
     def grow(self, slots: int) -> None:
@@ -155,7 +163,10 @@ class Integrity:
             setattr(self, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis=int(name == "_hits")))
         for name in ("_looked_s", "_suspected_s", "_own_s"):
             setattr(self, name, np.concatenate([getattr(self, name), np.full(more, -np.inf)]))
-        self._due_s = np.concatenate([self._due_s, np.full((len(self._due_s), more), np.nan)], axis=1)
+        for name in ("_due_s", "_before"):
+            column = getattr(self, name)
+            shape = (column.shape[0], more, *column.shape[2:])
+            setattr(self, name, np.concatenate([column, np.full(shape, np.nan)], axis=1))
 
     def reset(self, slot: Ints) -> None:
         """These slots belong to new tracks."""
@@ -164,6 +175,7 @@ class Integrity:
         self._missed[slot] = 0.0
         self._looked_s[slot] = self._suspected_s[slot] = self._own_s[slot] = -np.inf
         self._due_s[:, slot] = np.nan
+        self._before[:, slot] = np.nan
         self._hits[:, slot] = 0
 
     def moved(self, slot: Ints) -> None:
@@ -207,6 +219,8 @@ class Integrity:
             rows = np.flatnonzero(plots.sensor == k)
             if plots.time_s[rows].min() > self._newest_s[k] + OFF_PERIODS * self._period_s[k]:
                 self._due_s[k] = np.nan
+                self._before[k] = np.nan
+                self._on_s[k] = plots.time_s[rows].min()
             self._newest_s[k] = max(self._newest_s[k], float(plots.time_s[rows].max()))
             if k in self._covers:
                 self._learn_cover(int(k), plots, rows)
@@ -322,18 +336,45 @@ class Integrity:
         due = self._due_s[k, slot]
         period_s = self._period_s[k]
         # Within one period of entering cover the radar must have turned past.
-        entering = expected & np.isnan(due)
-        due = np.where(entering, self._newest_s[k] + period_s, due)
+        entering = np.flatnonzero(expected & np.isnan(due))
+        due[entering] = self._in_cover_since(k, slot[entering], now_s) + period_s
         due[~expected] = np.nan
-        missed = expected & (self._newest_s[k] > due + TURN_MARGIN * period_s)
-        due[missed] += period_s
+        self._remember_before(k, slot, current & ~expected, expected, range_m, azimuth_deg, elevation_deg, now_s)
+        turns = np.floor((self._newest_s[k] - due) / period_s - TURN_MARGIN) + 1.0
+        turns = np.where(expected, np.maximum(turns, 0.0), 0.0)
+        missed = turns > 0.0
+        due += turns * period_s
         self._due_s[k, slot] = due
-        self._missed[slot[missed]] -= np.log(1.0 - detection[missed])
+        self._missed[slot] -= turns * np.log(1.0 - detection)
         # Only aircraft that another look confirms teach the map where the radar is blind.
         real = missed & (self._hits[k, slot] >= 3) & (now_s - self._looked_s[slot] < 3.0 * period_s)
         self._covers[k].looked(
             range_m[real], azimuth_deg[real], elevation_deg[real], np.zeros(int(real.sum()), dtype=np.bool_)
         )
+
+    def _in_cover_since(self, k: int, slot: Ints, now_s: float) -> Array:
+        """Since when tracks that now are in a radar's cover have been in it, ``(n,)``. [s since the epoch]
+
+        Cover that is proven only now was there before: where a track was a few turns ago may lie in it too.
+        """
+        newest, then = self._newest_s[k], self._before[k, slot]
+        known = np.isfinite(then[:, 0])
+        place = np.where(known[:, None], then, 0.0).T[1:]
+        covered = known & (self._covers[k].detection(place[0], place[1], place[2], now_s) > 0.0)
+        earliest = max(self._on_s[k], newest - (LOOK_BACK_MISSES + TURN_MARGIN) * self._period_s[k])
+        since: Array = np.where(covered, np.clip(then[:, 0], earliest, newest), newest)
+        return since
+
+    def _remember_before(
+        self, k: int, slot: Ints, outside: Bools, inside: Bools,
+        range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float,
+    ) -> None:  # fmt: skip
+        """Keep where tracks are that a radar's cover does not hold, for when it turns out that it does."""
+        self._before[k, slot[inside]] = np.nan
+        old = ~(now_s - self._before[k, slot, 0] < LOOK_BACK_PERIODS * self._period_s[k])
+        at = np.flatnonzero(outside & old)
+        here = columns_of(np.full(len(at), now_s), range_m[at], azimuth_deg[at], elevation_deg[at])
+        self._before[k, slot[at]] = here
 
 
 def _height_of(site: Array) -> float:

@@ -25,8 +25,9 @@ class Scans:
         self.number = 0
 
     def next(
-        self, plots_m: list[float], tracks_m: dict[int, float], local_track: list[int], taken: set[int] = frozenset()
-    ) -> list[int]:
+        self, plots_m: list[float], tracks_m: dict[int, float], local_track: list[int], taken: set[int] = frozenset(),
+        spared: bool = False,
+    ) -> list[int]:  # fmt: skip
         """One scan; track numbers that the plots get, -1 where none."""
         plot, track, step = [], [], []
         for i, at in enumerate(plots_m):
@@ -38,9 +39,10 @@ class Scans:
         n = len(plots_m)
         decision = self.associator.decide(
             np.zeros(n, dtype=np.int64), np.array(local_track), np.full(n, self.number * PERIOD_S), pairs,
-            np.isin(pairs.track, list(taken)),
+            np.isin(pairs.track, list(taken)), np.full(len(plot), spared),
         )  # fmt: skip
         self.number += 1
+        self.withheld = decision.withheld.tolist()
         self.contested, self.sure = decision.contested.tolist(), decision.sure.tolist()
         return [int(pairs.track[p]) if p >= 0 else -1 for p in decision.pair]
 
@@ -210,3 +212,25 @@ def test_most_plots_find_their_own_track(kind: str, velocity: bool, scans: int, 
 
     assert tally.share >= least
     assert tally.alone <= 0.006 * (tally.right + tally.wrong)
+
+
+def test_a_plot_between_two_tracks_that_can_spare_it_is_given_to_none_and_begins_none() -> None:
+    scans = Scans()
+
+    assert scans.next([110.0], {7: 0.0, 8: 230.0}, [-1], spared=True) == [-1]
+    assert scans.withheld == [True]
+
+
+def test_a_plot_between_two_tracks_that_need_it_goes_to_the_nearer() -> None:
+    scans = Scans()
+
+    assert scans.next([110.0], {7: 0.0, 8: 230.0}, [-1]) == [7]
+    assert scans.withheld == [False]
+
+
+def test_plots_that_could_not_be_exchanged_are_not_withheld() -> None:
+    assert Scans().next([10.0, 440.0], {7: 0.0, 8: 450.0}, [-1, -1], spared=True) == [7, 8]
+
+
+def test_a_target_that_the_radar_numbers_is_decided_by_its_scans_and_not_withheld() -> None:
+    assert Scans().next([110.0], {7: 0.0, 8: 230.0}, [5], spared=True) == [7]

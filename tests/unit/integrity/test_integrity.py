@@ -142,3 +142,12 @@ def test_sensors_without_radars_need_nothing() -> None:
 
     assert integrity.alarms() == []
     assert integrity.belief(np.array([0])).tolist() == [Belief.UNVERIFIED]
+
+
+def test_a_ghost_heard_before_anything_is_known_of_cover_is_found_as_soon_as_cover_is() -> None:
+    world = World(aircraft=41, seed=1, ghosts=(40,), ghost_from_s=0.0)
+
+    run = play(world, 60)
+
+    assert run.first_suspect(40) <= 15.0
+    assert {a for _, a, b in run.changes if b == Belief.SUSPECT} == {40}
