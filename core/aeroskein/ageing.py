@@ -66,7 +66,7 @@ def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
 def ended(state: EngineState, now_s: float) -> Ints:
     """Tracks that have been without a report for too long, ``(n,)`` slots."""
     active = state.tracks.active
-    return active[now_s - state.tracks.received_s[active] > state.settings.tracks.terminate_s]
+    return active[now_s > state.tracks.ends_s()[active]]
 
 
 def release(state: EngineState, now_s: float) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from aeroskein import geodesy, kalman
 from aeroskein.association import Candidates, PointGrid, mode_a_cost, velocity_factors
+from aeroskein.conversion import Located
 from aeroskein.engine_state import EngineState
 from aeroskein.intake import Batch
 from aeroskein.plots import Array, Ints
@@ -22,6 +23,9 @@ __all__ = ["TrackGrid", "candidates"]
 GRID_PERIOD_S: Final = 1.0
 # Acceleration that a track may begin between its last report and this one. [m²/s⁵]
 JERK_DENSITY: Final = 1.0
+# After this a manoeuvre is over: a track that has not been seen for longer flies straight on, at any of the velocities
+# that it may have come to. [s]
+MANOEUVRE_S: Final = 15.0
 # One sigma per axis of a velocity that a radar's own tracker reports: it lags in turns. [m/s]
 RADAR_VELOCITY_SIGMA_MPS: Final = 8.0
 # A track's Mode A code is evidence once it was heard so often in a row, or came with an address.
@@ -44,8 +48,9 @@ class TrackGrid:
             active = state.tracks.active
             self._slots = active[np.isfinite(state.live.bank.time_s[active])]
             frames = state.frames.rows[state.tracks.frame[self._slots]]
-            east, north, _, _ = state.live.bank.steady(self._slots)
-            places = geodesy.to_ecef(*geodesy.from_plane(frames, east, north))
+            east, north, v_east, v_north = state.live.bank.steady(self._slots)
+            age_s = np.maximum(now_s - state.live.bank.time_s[self._slots], 0.0)
+            places = geodesy.to_ecef(*geodesy.from_plane(frames, east + v_east * age_s, north + v_north * age_s))
             self._grid = PointGrid(places, self._reach_m)
             self._made_s, self._tracks = now_s, state.tracks.next_number
         query, point = self._grid.near(ecef_m, self._reach_m)
@@ -54,7 +59,7 @@ class TrackGrid:
         return query[alive], slot[alive]
 
 
-def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints) -> Candidates:
+def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints, located: Located) -> Candidates:
     """Compare reports with tracks.
 
     Parameters
@@ -62,16 +67,18 @@ def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints) -> Cand
     state : EngineState
         Tracks.
     batch : Batch
-        Reports, located.
+        Reports.
     plot, slot : (p,) int64
         Pairs: row of the report, slot of the track.
+    located : Located
+        Where the reports of the pairs are, ``(p,)``.
     """
     tracks, plots = state.tracks, batch.plots
     frames = state.frames.rows[tracks.frame[slot]]
-    lat, lon = batch.located.lat_deg[plot], batch.located.lon_deg[plot]
+    lat, lon = located.lat_deg, located.lon_deg
     east, north = geodesy.to_plane(frames, lat, lon)
-    axes = geodesy.local_axes(frames, lat, lon, batch.located.height_m[plot])
-    noise = geodesy.rotate_covariance(axes, batch.located.covariance[plot])
+    axes = geodesy.local_axes(frames, lat, lon, located.height_m)
+    noise = geodesy.rotate_covariance(axes, located.covariance)
     x, P = _predicted(state, slot, plots.time_s[plot])
     back = geodesy.invert_axes(axes)
     v = np.stack(geodesy.rotate_vector(back, x[2], x[3]), axis=1)
@@ -104,7 +111,21 @@ def _predicted(state: EngineState, slot: Ints, time_s: Array) -> tuple[Array, Ar
     x, P = x[:, index], np.ascontiguousarray(P[:, index])
     h = time_s - bank.time_s[slot]
     back = np.minimum(h, 0.0)
-    kalman.predict(x, P, np.abs(h), np.full(len(h), JERK_DENSITY))
+    step = np.minimum(np.abs(h), MANOEUVRE_S)
+    kalman.predict(x, P, step, np.full(len(h), JERK_DENSITY))
+    long = np.flatnonzero(np.abs(h) > MANOEUVRE_S)
+    if len(long):
+        x[:, long], P[:, long] = _straight_on(x[:, long], P[:, long], np.abs(h[long]) - MANOEUVRE_S)
     # For a report from before, the state goes back by twice what the prediction took it forward.
     x[0:2] += 2.0 * back * (x[2:4] - np.abs(back) * x[4:6])
+    return x, P
+
+
+def _straight_on(x: Array, P: Array, h: Array) -> tuple[Array, Array]:
+    """States and covariances after ``h`` ``(n,)`` of flight without any acceleration. [s]"""
+    x[4:6] = 0.0
+    _, _, p13, _, p23, p33 = kalman.blocks(P)
+    for block in (p13, p23, p33):
+        block[...] = 0.0
+    kalman.predict(x, P, h, np.zeros(len(h)))
     return x, P

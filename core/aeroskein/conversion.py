@@ -100,6 +100,11 @@ class Located:
             self.lat_deg[rows], self.lon_deg[rows], self.height_m[rows], self.covariance[rows], self.feasible[rows]
         )
 
+    def put(self, rows: Ints, better: Located) -> None:
+        """Say anew where the given rows ``(n,)`` are."""
+        for name in ("lat_deg", "lon_deg", "height_m", "covariance"):
+            getattr(self, name)[rows] = getattr(better, name)
+
 
 def rough_place(plots: Plots, table: SensorTable, wanted: Bools) -> tuple[Array, Array]:
     """Latitude and longitude ``(n,)`` within some kilometres, from nothing but the report itself. [deg]

@@ -17,7 +17,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from aeroskein import ageing, dispositions, fusion, snapshots
+from aeroskein import ageing, dispositions, fusion, silence, snapshots
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.beginnings import first_believable
 from aeroskein.engine_state import EngineState, StageClock
@@ -128,7 +128,7 @@ class FusionEngine:
         events += self._receive_due(now_s)
         self._start_elements(now_s)
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
-        until_s = np.minimum(now_s, state.tracks.received_s + self.settings.tracks.terminate_s)
+        until_s = np.minimum(now_s, state.tracks.ends_s())
         left = 2**62 if most is None else most
         while left > 0:
             due = np.flatnonzero(state.elements.open & (state.elements.due_s <= until_s))
@@ -146,6 +146,7 @@ class FusionEngine:
             self._registration.advance(now_s=now_s)
             self._receiver.believing.moved(recentre(state))
             self._receiver.check(now_s)
+            silence.excuse(state, now_s)
             state.elements.wait_s = state.lateness.follow()
         return events
 

@@ -14,6 +14,7 @@ from aeroskein.closing import ElementTable
 from aeroskein.conversion import SensorTable
 from aeroskein.element_log import ElementLog
 from aeroskein.frames import FrameTable
+from aeroskein.height_finding import HeightFinder
 from aeroskein.lateness import Lateness
 from aeroskein.live import LiveProduct
 from aeroskein.master_track import MasterChoice
@@ -48,6 +49,7 @@ class EngineState:
         self.block = BlockTime()
         self.lateness = Lateness(settings)
         self.offsets = HeightOffsets(capacity)
+        self.heights = HeightFinder(capacity)
         self.latencies = LatencyEstimator(capacity)
         self.seq = np.zeros((len(Product), capacity), dtype=np.int64)
         self.coasted_s = np.full(capacity, -np.inf)
@@ -62,7 +64,7 @@ class EngineState:
             return False
         for part in (
             self.tracks, self.memory, self.buffers, self.live, self.elements, self.masters, self.offsets,
-            self.latencies,
+            self.heights, self.latencies,
         ):  # fmt: skip
             part.grow(capacity)
         self.seq = np.concatenate([self.seq, np.zeros((len(Product), more), dtype=np.int64)], axis=1)
@@ -71,7 +73,9 @@ class EngineState:
 
     def clear(self, slots: Ints) -> None:
         """Make the slots of new tracks blank."""
-        for part in (self.memory, self.buffers, self.live, self.masters, self.offsets, self.latencies):
+        for part in (
+            self.memory, self.buffers, self.live, self.masters, self.offsets, self.heights, self.latencies,
+        ):  # fmt: skip
             part.clear(slots)
         self.seq[:, slots] = 0
         self.coasted_s[slots] = -np.inf

@@ -15,7 +15,9 @@ from typing import Final
 import numpy as np
 
 from aeroskein import geodesy
+from aeroskein.applied_biases import AppliedBiases
 from aeroskein.association import Associator, FreePlots, Initiator
+from aeroskein.blind_plots import learn_heights, located_as
 from aeroskein.candidates import TrackGrid, candidates
 from aeroskein.engine_state import EngineState
 from aeroskein.intake import Batch, Verdicts
@@ -56,9 +58,10 @@ class Named:
 class Identity:
     """Gives reports to tracks, and begins tracks."""
 
-    def __init__(self, state: EngineState, on_open: Callable[[Ints], None]) -> None:
+    def __init__(self, state: EngineState, biases: AppliedBiases, on_open: Callable[[Ints], None]) -> None:
         settings = state.settings
         self._state = state
+        self._biases = biases
         self._on_open = on_open
         self._associator = Associator(settings, state.tracks.capacity)
         self._initiator = Initiator(settings)
@@ -150,7 +153,7 @@ class Identity:
         plot, slot = plot[nameless[slot]], slot[nameless[slot]]
         if not len(plot):
             return
-        pairs = candidates(state, asked, plot, slot)
+        pairs = candidates(state, asked, plot, slot, asked.located.take(plot))
         taken = self._associator.claims.taken(asked.plots.sensor[plot].astype(np.int64), slot, asked.plots.time_s[plot])
         none = np.full(len(asked), -1, dtype=np.int64)
         decision = self._associator.decide(asked.plots.sensor.astype(np.int64), none, asked.plots.time_s, pairs, taken)
@@ -200,18 +203,21 @@ class Identity:
         sensor, time_s = asked.plots.sensor.astype(np.int64), asked.plots.time_s
         ecef = geodesy.to_ecef(asked.located.lat_deg, asked.located.lon_deg)
         plot, slot = self._grid.near(state, ecef, now_s)
-        pairs = candidates(state, asked, plot, slot)
+        located = located_as(state, self._biases, asked, plot, slot)
+        pairs = candidates(state, asked, plot, slot, located)
         taken = self._associator.claims.taken(sensor[plot], slot, time_s[plot])
         spared = state.tracks.reported_by_others(slot, sensor[plot], now_s)
         decision = self._associator.decide(sensor, asked.plots.local_track, time_s, pairs, taken, spared)
         won = decision.pair >= 0
         given = slot[decision.pair[won]]
         batch.slot[rows[won]] = given
+        batch.located.put(rows[won], located.take(decision.pair[won]))
         named.unsure = batch.rows[rows[won & ~decision.sure]]
         self._associator.claims.note(sensor[won], given, time_s[won])
         free = np.flatnonzero(~won & ~decision.withheld)
         if len(free):
             self._initiate(batch, rows[free], decision.contested[free], named)
+        learn_heights(state, self._biases, batch.take(rows))
 
     def _initiate(self, batch: Batch, rows: Ints, contested: Bools, named: Named) -> None:
         plots, located = batch.plots, batch.located

@@ -35,7 +35,7 @@ class Receiver:
         self.intake = Intake(state.settings)
         self.biases = biases
         self.believing = Believing(state)
-        self.identity = Identity(state, self.believing.clear)
+        self.identity = Identity(state, biases, self.believing.clear)
         self._state = state
         self._clock = clock
         self._is_adsb: Bools = np.array([s.kind == "adsb" for s in state.settings.sensors], dtype=np.bool_)

@@ -53,6 +53,8 @@ class TrackTable:
         self.received_s: Array = np.full(capacity, -np.inf)
         self.newest_s: Array = np.full(capacity, -np.inf)
         self.terminated_s: Array = np.full(capacity, np.inf)
+        # When the track was last where no radar could see it. [s since the epoch]
+        self.excused_s: Array = np.full(capacity, -np.inf)
         # Per sensor: arrival of its newest accepted report. [s since the epoch]
         self.sensor_received_s: Array = np.full((capacity, sensors), -np.inf)
         self._free = list(range(capacity - 1, -1, -1))
@@ -93,6 +95,7 @@ class TrackTable:
         blanks = {
             "number": -1, "address": -1, "label": -1, "mode_a": -1,
             "received_s": -np.inf, "newest_s": -np.inf, "sensor_received_s": -np.inf, "terminated_s": np.inf,
+            "excused_s": -np.inf,
         }  # fmt: skip
         like[...] = blanks.get(name, b"" if name == "callsign" else 0)
         return like
@@ -181,6 +184,10 @@ class TrackTable:
         self.mode_a[at] = code
         said = np.flatnonzero(raw.callsign != b"")
         self.callsign[slots[said]] = raw.callsign[said]
+
+    def ends_s(self) -> Array:
+        """When each track ends unless a report comes, ``(capacity,)``. [s since the epoch]"""
+        return np.maximum(self.received_s, self.excused_s) + self._settings.tracks.terminate_s
 
     def reported_by_others(self, slots: Ints, sensor: Ints, now_s: float) -> Bools:
         """Whether another sensor than the given one is live on each track, ``(n,)``."""
