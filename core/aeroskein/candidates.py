@@ -21,6 +21,9 @@ __all__ = ["TrackGrid", "candidates"]
 
 # Tracks move 250 m in this time; the coarse gate has room for that. [s]
 GRID_PERIOD_S: Final = 1.0
+# How much of a report's own uncertainty the coarse gate has room for: that of a primary plot near its radar, whose
+# height nobody knows, is kilometres. [sigmas]
+BLUR_SIGMAS: Final = 3.0
 # Acceleration that a track may begin between its last report and this one. [m²/s⁵]
 JERK_DENSITY: Final = 1.0
 # After this a manoeuvre is over: a track that has not been seen for longer flies straight on, at any of the velocities
@@ -35,15 +38,22 @@ ALTITUDE_SLACK_M: Final = 30.0
 
 
 class TrackGrid:
-    """Where the tracks are, good for a second."""
+    """Where the tracks are, good for a second.
+
+    Parameters
+    ----------
+    reach_m : float
+        Largest distance of a track from a report, beyond three sigmas of the report's own; these count up to the same
+        again. [m]
+    """
 
     def __init__(self, reach_m: float) -> None:
         self._reach_m = reach_m
         self._made_s = -np.inf
         self._tracks = -1
 
-    def near(self, state: EngineState, ecef_m: Array, now_s: float) -> tuple[Ints, Ints]:
-        """Pairs ``(p,)`` of a query ``(n, 3)`` and the slot of a track within reach, ordered by query."""
+    def near(self, state: EngineState, located: Located, now_s: float) -> tuple[Ints, Ints]:
+        """Pairs ``(p,)`` of a report ``(n,)`` and the slot of a track within reach, ordered by report."""
         if now_s - self._made_s >= GRID_PERIOD_S or state.tracks.next_number != self._tracks:
             active = state.tracks.active
             self._slots = active[np.isfinite(state.live.bank.time_s[active])]
@@ -51,9 +61,11 @@ class TrackGrid:
             east, north, v_east, v_north = state.live.bank.steady(self._slots)
             age_s = np.maximum(now_s - state.live.bank.time_s[self._slots], 0.0)
             places = geodesy.to_ecef(*geodesy.from_plane(frames, east + v_east * age_s, north + v_north * age_s))
-            self._grid = PointGrid(places, self._reach_m)
+            self._grid = PointGrid(places, 2.0 * self._reach_m)
             self._made_s, self._tracks = now_s, state.tracks.next_number
-        query, point = self._grid.near(ecef_m, self._reach_m)
+        own_m = BLUR_SIGMAS * np.sqrt(located.covariance[:, 0] + located.covariance[:, 2])
+        places = geodesy.to_ecef(located.lat_deg, located.lon_deg)
+        query, point = self._grid.near(places, self._reach_m + np.minimum(own_m, self._reach_m))
         slot = self._slots[point]
         alive = np.isfinite(state.live.bank.time_s[slot]) & state.tracks.used[slot]
         return query[alive], slot[alive]

@@ -148,8 +148,7 @@ class Identity:
         _, first = np.unique(batch.plots.address[fresh], return_index=True)
         rows = fresh[first]
         asked = batch.take(rows)
-        ecef = geodesy.to_ecef(asked.located.lat_deg, asked.located.lon_deg)
-        plot, slot = self._grid.near(state, ecef, now_s)
+        plot, slot = self._grid.near(state, asked.located, now_s)
         plot, slot = plot[nameless[slot]], slot[nameless[slot]]
         if not len(plot):
             return
@@ -201,8 +200,7 @@ class Identity:
         state = self._state
         asked = batch.take(rows)
         sensor, time_s = asked.plots.sensor.astype(np.int64), asked.plots.time_s
-        ecef = geodesy.to_ecef(asked.located.lat_deg, asked.located.lon_deg)
-        plot, slot = self._grid.near(state, ecef, now_s)
+        plot, slot = self._grid.near(state, asked.located, now_s)
         located = located_as(state, self._biases, asked, plot, slot)
         pairs = candidates(state, asked, plot, slot, located)
         taken = self._associator.claims.taken(sensor[plot], slot, time_s[plot])

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.builders import ADSB, RADAR1, START_S, Drive, Flight, adsb, by_track, engine_settings, radar
+from tests.builders import (
+    ADSB,
+    RADAR1,
+    START_S,
+    Drive,
+    Flight,
+    adsb,
+    by_track,
+    distance_m,
+    engine_settings,
+    radar,
+)  # fmt: skip
 
 from aeroskein.engine import FusionEngine
 from aeroskein.errors import SnapshotError, UnknownSensorError
@@ -165,6 +177,40 @@ def test_an_ended_aircraft_begins_anew_under_a_new_number() -> None:
     elements = by_track(drive.elements)
     assert elements[1].span_s[0, 0] == START_S + 50.5
     assert elements[1].element[0] == 0
+
+
+# Straight over the radar: 44 s of its flight it is in the cone of silence.
+OVERHEAD = Flight(lat_deg=47.989, lon_deg=11.78, track_deg=0.0, speed_mps=220.0, height_m=9000.0)
+SEEN = np.setdiff1d(seconds(1.0, 320.0, 4.0), seconds(161.0, 205.0, 4.0))
+
+
+def test_an_aircraft_over_a_lone_radar_keeps_its_number_through_the_cone_of_silence() -> None:
+    drive = Drive.of(engine_settings(RADAR1)).feed(radar(OVERHEAD, SEEN, sensor=0))
+
+    assert "terminated" not in dict(statuses(drive)).values()
+    assert len(by_track(drive.live)) == 1
+
+
+def test_so_does_one_that_only_a_primary_radar_sees() -> None:
+    psr = replace(RADAR1, kind="psr")
+    plots = radar(
+        OVERHEAD, SEEN, psr, sensor=0, address=-1, mode_a=-1, altitude_m=np.nan, range_sigma_m=50.0,
+        azimuth_sigma_deg=0.07,
+    )  # fmt: skip
+
+    drive = Drive.of(engine_settings(psr)).feed(plots)
+
+    (live,) = by_track(drive.live)
+    late = live.take(np.flatnonzero(live.time_s > START_S + 280.0))
+    lat, lon, _ = OVERHEAD.at(late.time_s - START_S)
+    assert distance_m(late.lat_deg, late.lon_deg, lat, lon).max() < 500.0
+
+
+def test_an_aircraft_that_does_not_come_out_of_the_cone_of_silence_ends() -> None:
+    drive = Drive.of(engine_settings(RADAR1)).feed(radar(OVERHEAD, SEEN[SEEN < 180.0], sensor=0), until_s=320.0)
+
+    ((ended_s, _),) = [c for c in statuses(drive) if c[1] == "terminated"]
+    assert 210.0 < ended_s < 260.0
 
 
 def test_elements_of_an_ended_track_reach_past_its_last_report() -> None:
