@@ -1,8 +1,8 @@
 """Scenes of the accuracy benchmark: which flights, which sensors, what goes wrong, and the engine that fuses them.
 
 A scene is one run of the engine over several families of flights at once, so that one run serves many figures. The
-families are those of the numerical study in docs/algorithm.md, and so are the distances to the radars, because a radar's
-error across grows with them; every flight of a scene has an address of its own, and which family it belongs to is
+families are those of the numerical study in docs/algorithm.md, and so are the distances to the radars, with which the
+errors of plots grow; every flight of a scene has an address of its own, and which family it belongs to is
 remembered.
 """
 
@@ -39,8 +39,8 @@ SENSORS: Final = (
     ),
 )  # fmt: skip
 
-# Where families fly that do not fly between the two radars: with a root-mean-square distance of some 95 km to radar 1, raw
-# plots are as good as in the study, 120 to 130 m. Between the radars they have the study's 70 m of the terminal area.
+# Where families fly that do not fly between the radars: some 95 km (root mean square) from radar 1 its raw plots are
+# as good as in the study, 120 to 130 m. Between the radars they have the study's 70 m of the terminal area.
 PLACE_DEG: Final[dict[Scenario, tuple[float, float]]] = {"cruise": (49.05, 12.19), "enroute": (49.05, 12.19)}
 
 # Reports are taken in and elements close on this grid: the service's is finer, which moves no element. [s]

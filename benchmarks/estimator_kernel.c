@@ -103,51 +103,37 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 }
 
 /* Given by the caller, so that they stand in one place only. */
-static double RATES[3][3], ALONG[3], ACROSS[3], STEADY, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX, SMALL;
-static double ALONG_SHARE, ACROSS_SHARE;
+static double RATES[3][3], JERK[3], STEADY, WANDER, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
+static double SMALL, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
 static int TURNS;
 
-void configure(const double *rates, const double *along, const double *across, const double *rest) {
+void configure(const double *rates, const double *jerk, const double *rest) {
     memcpy(RATES, rates, sizeof RATES);
-    memcpy(ALONG, along, sizeof ALONG);
-    memcpy(ACROSS, across, sizeof ACROSS);
+    memcpy(JERK, jerk, sizeof JERK);
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
-    TURNS = rest[11] > 0.0; SMALL = rest[12];
+    TURNS = rest[11] > 0.0; SMALL = rest[12]; WANDER = rest[13]; LEAST_TURN = rest[14]; LEAST_UPDATE = rest[15];
+    MOST_UPDATE = rest[16];
     DOUBT = SIGMAS * SIGMAS;
 }
 
-/* Unit vector to the left of the flight; zero where there is no direction. */
-static void across_of(V *x, double *e, double *n) {
+/* Unit vector to the left of a velocity; zero where there is no direction. */
+static void across_of(const double *ve, const double *vn, double *e, double *n) {
     EACH {
-        double speed = hypot(x[2][l], x[3][l]), one = (speed >= SLOWEST) / fmax(speed, SLOWEST);
-        e[l] = -x[3][l] * one; n[l] = x[2][l] * one;
+        double speed = hypot(ve[l], vn[l]), one = (speed >= SLOWEST) / fmax(speed, SLOWEST);
+        e[l] = -vn[l] * one; n[l] = ve[l] * one;
     }
 }
 
-static void turn(V *x, V *P, const double *h, const double *along, const double *across) {
-    V e, n, ae, an, step[3][2];
-    across_of(x, e, n);
+static double turn_rate(V *x, int l) {
+    double square = fmax(x[2][l] * x[2][l] + x[3][l] * x[3][l], TURN_MIN * TURN_MIN);
+    return fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
+}
+
+/* White jerk of some power across the flight. */
+static void jerk_across(V *P, const double *h, const double *power, const double *e, const double *n) {
     EACH {
-        double square = fmax(x[2][l] * x[2][l] + x[3][l] * x[3][l], TURN_MIN * TURN_MIN);
-        double rate = fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
-        double angle = rate * h[l], s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t, half = 0.5 * h[l] * h[l];
-        int small = fabs(angle) < SMALL;
-        step[0][0][l] = small ? 0.0 : less / (rate * rate) - half;
-        step[0][1][l] = small ? angle * half / 3.0 : (angle - s) / (rate * rate);
-        step[1][0][l] = small ? 0.0 : s / rate - h[l];
-        step[1][1][l] = small ? angle * 0.5 * h[l] : less / rate;
-        step[2][0][l] = -less;
-        step[2][1][l] = s;
-        ae[l] = x[4][l]; an[l] = x[5][l];
-    }
-    predict(x, P, h, along);
-    for (int k = 0; k < 3; k++) EACH {
-        x[2 * k][l] += step[k][0][l] * ae[l] - step[k][1][l] * an[l];
-        x[2 * k + 1][l] += step[k][0][l] * an[l] + step[k][1][l] * ae[l];
-    }
-    EACH {
-        double ee = e[l] * e[l], nn = n[l] * n[l], aimless = 0.5 * (1.0 - ee - nn), more = (across[l] - along[l]) * h[l];
+        double ee = e[l] * e[l], nn = n[l] * n[l], aimless = 0.5 * (1.0 - ee - nn), more = power[l];
         double N[2][2] = {{more * (ee + aimless), more * (e[l] * n[l])}, {more * (e[l] * n[l]), more * (nn + aimless)}};
         double h2 = h[l] * h[l], w[5] = {h2 * h2 / 20.0, h2 * h[l] / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h[l]};
         for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) {
@@ -157,26 +143,134 @@ static void turn(V *x, V *P, const double *h, const double *along, const double 
     }
 }
 
-/* Takes the acceleration along the flight out of a state where time passes. */
-static void keep_across(V *x, V *P, const double *h) {
-    static const int pairs[4][2] = {{4, 5}, {10, 11}, {14, 15}, {18, 19}};
-    V e, n;
-    across_of(x, e, n);
-    EACH {
-        int some = h[l] > 0.0;
-        double ee = some ? e[l] * e[l] : 1.0, en = some ? e[l] * n[l] : 0.0, nn = some ? n[l] * n[l] : 1.0, a, b;
-        a = x[4][l]; b = x[5][l];
-        x[4][l] = ee * a + en * b; x[5][l] = en * a + nn * b;
-        for (int k = 0; k < 4; k++) {
-            double *p = P[pairs[k][0]], *q = P[pairs[k][1]];
-            a = p[l]; b = q[l];
-            p[l] = ee * a + en * b; q[l] = en * a + nn * b;
-        }
-        double p = P[20][l], q = P[21][l], r = P[23][l];
-        double ce = ee * p + en * q, cn = ee * q + en * r, beside = en * q + nn * r;
-        P[20][l] = ce * ee + cn * en; P[23][l] = (en * p + nn * q) * en + beside * nn;
-        P[21][l] = P[22][l] = ce * en + cn * nn;
+/* Two rows (or columns) of a block times a turn: same times the unit matrix and left times a quarter turn. */
+#define TURNED(p, q, same, left) { double u = (p)[l], v = (q)[l]; (p)[l] = (same) * u - (left) * v; (q)[l] = (left) * u + (same) * v; }
+
+/* Turns the errors of the acceleration, and of the velocity, by an angle. */
+static void turn_errors(V *P, const double *c, const double *s, int velocity) {
+    for (int i = 0; i < 2; i++) EACH {
+        TURNED(P13(i, 0), P13(i, 1), c[l], s[l])
+        TURNED(P23(i, 0), P23(i, 1), c[l], s[l])
     }
+    for (int i = 0; i < 2; i++) EACH TURNED(P33(0, i), P33(1, i), c[l], s[l])
+    for (int i = 0; i < 2; i++) EACH TURNED(P33(i, 0), P33(i, 1), c[l], s[l])
+    if (velocity) {
+        for (int i = 0; i < 2; i++) EACH {
+            TURNED(P12(i, 0), P12(i, 1), c[l], s[l])
+            TURNED(P23(0, i), P23(1, i), c[l], s[l])
+            TURNED(P22(0, i), P22(1, i), c[l], s[l])
+        }
+        for (int i = 0; i < 2; i++) EACH TURNED(P22(i, 0), P22(i, 1), c[l], s[l])
+        EACH P22(1, 0)[l] = P22(0, 1)[l];
+    }
+    EACH P33(1, 0)[l] = P33(0, 1)[l];
+}
+
+/* Cosine and sine of the angle by which the acceleration turned are left for the way back. */
+static void turn(V *x, V *P, const double *h, const double *along, const double *across, V *turned) {
+    V e, n, ae, an, more, step[3][2];
+    across_of(x[2], x[3], e, n);
+    EACH {
+        double rate = turn_rate(x, l), angle = rate * h[l], s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t, half = 0.5 * h[l] * h[l];
+        int small = fabs(angle) < SMALL;
+        step[0][0][l] = small ? 0.0 : less / (rate * rate) - half;
+        step[0][1][l] = small ? angle * half / 3.0 : (angle - s) / (rate * rate);
+        step[1][0][l] = small ? 0.0 : s / rate - h[l];
+        step[1][1][l] = small ? angle * 0.5 * h[l] : less / rate;
+        step[2][0][l] = -less;
+        step[2][1][l] = s;
+        turned[0][l] = fabs(angle) > LEAST_TURN ? cos(angle) : 1.0;
+        turned[1][l] = fabs(angle) > LEAST_TURN ? s : 0.0;
+        ae[l] = x[4][l]; an[l] = x[5][l];
+    }
+    predict(x, P, h, along);
+    for (int k = 0; k < 3; k++) EACH {
+        x[2 * k][l] += step[k][0][l] * ae[l] - step[k][1][l] * an[l];
+        x[2 * k + 1][l] += step[k][0][l] * an[l] + step[k][1][l] * ae[l];
+    }
+    turn_errors(P, turned[0], turned[1], 0);
+    EACH more[l] = (across[l] - along[l]) * h[l];
+    jerk_across(P, h, more, e, n);
+}
+
+/* A circle at constant speed, where time passes: position, velocity and turn rate move, the acceleration follows. */
+static void circle(V *x, V *P, const double *h, double across) {
+    V before_x[6], before_P[24], ce, cn, e, n, power;
+    memcpy(before_x, x, sizeof before_x); memcpy(before_P, P, sizeof before_P);
+    EACH {
+        double ve = x[2][l], vn = x[3][l], square = ve * ve + vn * vn, w = turn_rate(x, l);
+        double free = (fabs(w) < RATE_MAX) / fmax(square, TURN_MIN * TURN_MIN), longer = square < TURN_MIN * TURN_MIN ? 0.0 : 2.0 * w;
+        double gv[2] = {(x[5][l] - longer * ve) * free, (-x[4][l] - longer * vn) * free}, ga[2] = {-vn * free, ve * free};
+        double angle = w * h[l], c = cos(angle), s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t;
+        int small = fabs(angle) < SMALL;
+        double same = small ? h[l] : s / w, left = small ? 0.5 * angle * h[l] : less / w;
+        double same_w = small ? -angle * h[l] * h[l] / 3.0 : (h[l] * c - same) / w;
+        double left_w = small ? 0.5 * h[l] * h[l] : (h[l] * s - left) / w;
+        double p11[2][2], p12[2][2], p22[2][2], wp[2], wv[2], wa[2], ww = 0.0;
+        for (int i = 0; i < 2; i++) {
+            wp[i] = P12(i, 0)[l] * gv[0] + P12(i, 1)[l] * gv[1] + P13(i, 0)[l] * ga[0] + P13(i, 1)[l] * ga[1];
+            wv[i] = P22(i, 0)[l] * gv[0] + P22(i, 1)[l] * gv[1] + P23(i, 0)[l] * ga[0] + P23(i, 1)[l] * ga[1];
+            wa[i] = P23(0, i)[l] * gv[0] + P23(1, i)[l] * gv[1] + P33(i, 0)[l] * ga[0] + P33(i, 1)[l] * ga[1];
+        }
+        for (int i = 0; i < 2; i++) ww += gv[i] * wv[i] + ga[i] * wa[i];
+        double dp[2] = {same_w * ve - left_w * vn, left_w * ve + same_w * vn};
+        x[0][l] += same * ve - left * vn; x[1][l] += left * ve + same * vn;
+        x[2][l] = c * ve - s * vn; x[3][l] = s * ve + c * vn;
+        double J[2] = {-x[3][l], x[2][l]}, dv[2] = {h[l] * J[0], h[l] * J[1]};
+        x[4][l] = w * J[0]; x[5][l] = w * J[1];
+        double pv[2][2], pw[2], tv[2] = {c * wv[0] - s * wv[1], s * wv[0] + c * wv[1]}, vw[2];
+        double sv[2] = {same * wv[0] - left * wv[1], left * wv[0] + same * wv[1]};
+        for (int j = 0; j < 2; j++) {
+            pv[0][j] = P12(0, j)[l] + same * P22(0, j)[l] - left * P22(1, j)[l] + dp[0] * wv[j];
+            pv[1][j] = P12(1, j)[l] + left * P22(0, j)[l] + same * P22(1, j)[l] + dp[1] * wv[j];
+            pw[j] = wp[j] + sv[j] + dp[j] * ww;
+            vw[j] = tv[j] + dv[j] * ww;
+        }
+        for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) {
+            double along = i ? left * P12(j, 0)[l] + same * P12(j, 1)[l] : same * P12(j, 0)[l] - left * P12(j, 1)[l];
+            double back = j ? left * pv[i][0] + same * pv[i][1] : same * pv[i][0] - left * pv[i][1];
+            p11[i][j] = P11(i, j)[l] + along + dp[i] * wp[j] + back + pw[i] * dp[j];
+            p12[i][j] = (j ? s * pv[i][0] + c * pv[i][1] : c * pv[i][0] - s * pv[i][1]) + pw[i] * dv[j];
+            double r0 = i ? s * P22(0, 0)[l] + c * P22(1, 0)[l] : c * P22(0, 0)[l] - s * P22(1, 0)[l];
+            double r1 = i ? s * P22(0, 1)[l] + c * P22(1, 1)[l] : c * P22(0, 1)[l] - s * P22(1, 1)[l];
+            p22[i][j] = (j ? s * r0 + c * r1 : c * r0 - s * r1) + tv[i] * dv[j] + dv[i] * vw[j];
+        }
+        p11[1][0] = p11[0][1]; p22[1][0] = p22[0][1];
+        for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) { P11(i, j)[l] = p11[i][j]; P12(i, j)[l] = p12[i][j]; P22(i, j)[l] = p22[i][j]; }
+        double wr[2] = {-w * vw[1] + ww * J[0], w * vw[0] + ww * J[1]}, p23[2][2];
+        for (int i = 0; i < 2; i++) {
+            P13(i, 0)[l] = -w * p12[i][1] + pw[i] * J[0]; P13(i, 1)[l] = w * p12[i][0] + pw[i] * J[1];
+            P23(i, 0)[l] = p23[i][0] = -w * p22[i][1] + vw[i] * J[0]; P23(i, 1)[l] = p23[i][1] = w * p22[i][0] + vw[i] * J[1];
+        }
+        for (int j = 0; j < 2; j++) { P33(0, j)[l] = -w * p23[1][j] + J[0] * wr[j]; P33(1, j)[l] = w * p23[0][j] + J[1] * wr[j]; }
+        P33(1, 0)[l] = P33(0, 1)[l];
+        double mc = cos(0.5 * angle);
+        ce[l] = mc * x[2][l] + t * x[3][l]; cn[l] = -t * x[2][l] + mc * x[3][l];
+        power[l] = across * h[l];
+    }
+    across_of(ce, cn, e, n);
+    jerk_across(P, h, power, e, n);
+    EACH if (!(h[l] > 0.0)) {
+        for (int i = 0; i < 6; i++) x[i][l] = before_x[i][l];
+        for (int i = 0; i < 24; i++) P[i][l] = before_P[i][l];
+    }
+}
+
+/* An update across turns the flight; it does not speed it up. */
+static void keep_speed(V *x, V *P, const double *ve, const double *vn) {
+    V c, s;
+    EACH {
+        double speed = hypot(ve[l], vn[l]), across = ve[l] * x[3][l] - vn[l] * x[2][l], angle = 0.0;
+        double fast = fmax(speed, TURN_MIN), size = fabs(across) / (fast * fast);
+        if (size > LEAST_UPDATE && size < MOST_UPDATE && speed >= TURN_MIN) angle = across / (speed * speed);
+        c[l] = cos(angle); s[l] = sin(angle);
+        if (angle != 0.0) {
+            double fe = ve[l] / speed, fn = vn[l] / speed, reached = fe * x[2][l] + fn * x[3][l];
+            x[2][l] = reached * (c[l] * fe - s[l] * fn); x[3][l] = reached * (s[l] * fe + c[l] * fn);
+            TURNED(x[4], x[5], c[l], s[l])
+        }
+    }
+    turn_errors(P, c, s, 1);
 }
 
 static void mix(V x[MODELS][6], V P[MODELS][24], V *mu, const double *h) {
@@ -222,21 +316,22 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         static const int gone[12] = {4, 5, 10, 11, 14, 15, 18, 19, 20, 21, 22, 23};
         for (int i = 0; i < 12; i++) EACH C[0][gone[i]][l] = 0.0;
         EACH X[0][4][l] = X[0][5][l] = 0.0;
-        if (TURNS) keep_across(X[1], C[1], H);
         for (int m = 0; m < MODELS; m++) {
-            V along, across;
-            EACH { along[l] = ALONG[m]; across[l] = ACROSS[m]; }
-            if (TURNS) turn(X[m], C[m], H, along, across);
-            else predict(X[m], C[m], H, along);
+            V jerk;
+            EACH jerk[l] = JERK[m];
+            if (TURNS && m == 1) circle(X[m], C[m], H, JERK[m]);
+            else predict(X[m], C[m], H, jerk);
         }
         for (int m = 0; m < 1 + TURNS; m++) for (int i = 0; i < 2; i++) EACH {
             V *P = C[m];
-            double q = STEADY * H[l];
+            double q = (m ? WANDER : STEADY) * H[l];
             P11(i, i)[l] += q * H[l] * H[l] / 3.0; P12(i, i)[l] += q * H[l] / 2.0; P22(i, i)[l] += q;
             if (m == 0) P33(i, i)[l] += 1e-4;
         }
         Innovation v[MODELS];
         Gains g;
+        V before[2];
+        memcpy(before, X[1][2], sizeof before);
         for (int m = 0; m < MODELS; m++) {
             V *S = X[m], *Q = C[m], r00, r01, r11;
             EACH {
@@ -262,6 +357,7 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         EACH ok[l] = ok[l] * (fmin(fmin(v[0].d2[l], v[1].d2[l]), v[2].d2[l]) <= GATE);
         for (int m = 0; m < MODELS; m++) apply(X[m], C[m], &v[m], ok, &g);
         reweigh(M, v, ok);
+        if (TURNS) keep_speed(X[1], C[1], before[0], before[1]);
         for (int m = 0; m < MODELS; m++) {
             for (int i = 0; i < 6; i++) memcpy(xs + (i * MODELS + m) * n + at, X[m][i], sizeof(V));
             for (int i = 0; i < 24; i++) memcpy(Ps + (i * MODELS + m) * n + at, C[m][i], sizeof(V));
@@ -324,9 +420,15 @@ static void through_step(V *lam, V A[6][6], const double *h) {
     }
 }
 
+static void through_turn(V *lam, V A[6][6], const double *c, const double *s) {
+    EACH TURNED(lam[4], lam[5], c[l], -s[l])
+    for (int j = 0; j < 6; j++) EACH TURNED(A[4][j], A[5][j], c[l], -s[l])
+    for (int i = 0; i < 6; i++) EACH TURNED(A[i][4], A[i][5], c[l], -s[l])
+}
+
 #define MOST 512
 static Gains kept[MOST][2];
-static V steps[MOST];
+static V steps[MOST], turns[MOST][2];
 
 /* Both passes over the windows of n lanes (a multiple of eight) with K events (at most 512). reports (9, K, n) in the
  * order of imm_step, kind 1 for a report, 2 for the centre, 0 behind the last event. Gives x (6, n) and P (36, n). */
@@ -352,7 +454,7 @@ void close_elements(long n, long K, const signed char *kind, const double *time,
                 ok[l] = what[l] == 1;
             }
             EACH { along[l] = ALONG_SHARE * q[k * n + at + l]; across[l] = ACROSS_SHARE * q[k * n + at + l]; }
-            turn(X, C, steps[k], along, across);
+            turn(X, C, steps[k], along, across, turns[k]);
             for (int i = 0; i < 9; i++) EACH {
                 double value = reports[(i * K + k) * n + at + l];
                 r[i][l] = ok[l] > 0.0 ? value : (i == 2 || i == 4);
@@ -392,6 +494,7 @@ void close_elements(long n, long K, const signed char *kind, const double *time,
             }
             through_update(lam, A, 2, &kept[k][1]);
             through_update(lam, A, 0, &kept[k][0]);
+            through_turn(lam, A, turns[k][0], turns[k][1]);
             through_step(lam, A, steps[k]);
         }
         for (int i = 0; i < 6; i++) {

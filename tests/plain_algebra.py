@@ -32,19 +32,53 @@ def jerk_noise(h: float, q: float) -> Array:
 ALONG, ACROSS = 0.25, 2.5
 
 
+QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+def turn_rate(x: Array) -> float:
+    """Turn rate of a state, counter-clockwise. [rad/s]"""
+    return float(np.clip((x[2] * x[5] - x[3] * x[4]) / max(np.hypot(x[2], x[3]), 60.0) ** 2, -0.12, 0.12))
+
+
+def turning(x: Array, h: float) -> Array:
+    """How errors move in a step: as under constant acceleration, and that of the acceleration turns with the flight."""
+    return np.asarray(turn_of_acceleration(x, h) @ transition(h))
+
+
+def turn_of_acceleration(x: Array, h: float) -> Array:
+    """By the angle of a step, where that is more than 0.005."""
+    angle, turn = turn_rate(x) * h, np.eye(6)
+    if abs(angle) > 0.005:
+        turn[4:, 4:] = expm(angle * QUARTER)
+    return turn
+
+
+def circle(x: Array, h: float) -> Array:
+    """A step at constant speed and turn rate."""
+    rate = turn_rate(x)
+    generator = np.block([[np.zeros((2, 2)), I2], [np.zeros((2, 2)), rate * QUARTER]])
+    moved = expm(h * generator) @ x[:4]
+    return np.concatenate([moved, rate * QUARTER @ moved[2:]])
+
+
 def coordinated_turn(x: Array, P: Array, h: float, along: float, across: float) -> tuple[Array, Array]:
-    """One step in a turn: the acceleration turns with the flight, and jerk has two densities."""
-    v, a = x[2:4], x[4:6]
-    speed = float(np.hypot(*v))
-    rate = np.clip((v[0] * a[1] - v[1] * a[0]) / max(speed, 60.0) ** 2, -0.12, 0.12)
+    """One step in a turn: the acceleration turns with the flight, and there is more jerk across than along."""
+    v = x[2:4]
+    rate = turn_rate(x)
     generator = np.kron(np.eye(3, k=1), I2)
-    generator[4:, 4:] = rate * np.array([[0.0, -1.0], [1.0, 0.0]])
+    generator[4:, 4:] = rate * QUARTER
+    F, turn = turning(x, h), turn_of_acceleration(x, h)
+    either_way = turn @ jerk_noise(h, along) @ turn.T
+    return expm(h * generator) @ x, F @ P @ F.T + either_way + noise_of_flight(v, h, 0.0, across - along)
+
+
+def noise_of_flight(v: Array, h: float, along: float, across: float) -> Array:
+    """White jerk with two densities, along and across a velocity."""
+    speed = float(np.hypot(*v))
     forward_en = v / speed if speed >= 30.0 else np.zeros(2)
     flight = np.outer(forward_en, forward_en) if speed >= 30.0 else 0.5 * I2
     density = along * flight + across * (I2 - flight)
-    axis = Q_continuous_white_noise(dim=3, dt=h, spectral_density=1.0)
-    F = transition(h)
-    return expm(h * generator) @ x, F @ P @ F.T + np.kron(axis, density)
+    return np.asarray(np.kron(Q_continuous_white_noise(dim=3, dt=h, spectral_density=1.0), density))
 
 
 def random_covariance(rng: np.random.Generator, n: int) -> Array:
@@ -116,7 +150,7 @@ def rauch_tung_striebel(passed: list[Passed], events: list[Event]) -> list[tuple
     x, P = passed[-1].x, passed[-1].P
     smoothed = [(x, P)]
     for now, following, event in zip(passed[-2::-1], passed[:0:-1], events[:0:-1], strict=True):
-        G = np.linalg.solve(following.prior_P, transition(event.h) @ now.P).T
+        G = np.linalg.solve(following.prior_P, turning(now.x, event.h) @ now.P).T
         x = now.x + G @ (x - following.prior_x)
         P = now.P + G @ (P - following.prior_P) @ G.T
         smoothed.append((x, P))

@@ -38,6 +38,7 @@ class _Step:
 
     lanes: int
     h: Array
+    turned: coordinated_turn.Turned
     updates: list[tuple[int, kalman.Gains]] = field(default_factory=list)
 
 
@@ -103,8 +104,9 @@ class _Forward:
         for k, m in enumerate(self.window.active):
             x, P = self.x[:, :m], self.P[:, :m]
             time = self.window.time_s[k, :m]
-            step = _Step(m, time - self.t[:m])
-            coordinated_turn.predict(x, P, step.h, ALONG_SHARE * q[k, :m], ACROSS_SHARE * q[k, :m])
+            h = time - self.t[:m]
+            turned = coordinated_turn.predict(x, P, h, ALONG_SHARE * q[k, :m], ACROSS_SHARE * q[k, :m])
+            step = _Step(m, h, turned)
             self.t[:m] = time
             reports = self.reports.round(k, m)
             if reports.is_report.any():
@@ -244,6 +246,8 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
         centre.matrix[:, :, at] = part.matrix[:, :, at]
         for first, gains in reversed(step.updates):
             part.through_update(first, gains)
+        if len(step.turned.lanes):
+            part.through_turn(*step.turned)
         part.through_step(step.h)
     smoothed_x, smoothed_P = centre.smooth(forward.centre_x, forward.centre_P)
     return Estimate(

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from aeroskein.plots import Array, Bools
+from aeroskein.plots import Array, Bools, Ints
 
 __all__ = [
     "COVARIANCE_ROWS",
@@ -300,9 +300,9 @@ def update_velocity(x: Array, P: Array, z0: Array, z1: Array, r00: Array, r01: A
 class Adjoint:
     """The backward pass: what later reports say about an earlier state, as (lambda, Lambda).
 
-    Walk the events from last to first: ``through_update`` for each update (velocity, then position), ``through_step``
-    for the time step before it. At any instant the smoothed state is ``x - P lambda`` with covariance
-    ``P - P Lambda P``, x and P being the filter's there.
+    Walk the events from last to first: ``through_update`` for each update (velocity, then position), then for the time
+    step before it ``through_turn`` and ``through_step``. At any instant the smoothed state is ``x - P lambda`` with
+    covariance ``P - P Lambda P``, x and P being the filter's there.
     """
 
     def __init__(self, n: int) -> None:
@@ -343,6 +343,14 @@ class Adjoint:
         L[c, d] += w10 * g.h11
         L[d, c] += w10 * g.h11
         L[d, d] += g.h11 * g11 * g.h11
+
+    def through_turn(self, lanes: Ints, cos: Array, sin: Array) -> None:
+        """Go back through a turn of some lanes' acceleration: by the transposed rotation."""
+        lam, L = self.vector[4:6, lanes], self.matrix[:, :, lanes]
+        self.vector[4:6, lanes] = cos * lam[0] + sin * lam[1], cos * lam[1] - sin * lam[0]
+        L[4], L[5] = cos * L[4] + sin * L[5], cos * L[5] - sin * L[4]
+        L[:, 4], L[:, 5] = cos * L[:, 4] + sin * L[:, 5], cos * L[:, 5] - sin * L[:, 4]
+        self.matrix[:, :, lanes] = L
 
     def through_step(self, h: Array) -> None:
         """Go back over a time step ``h`` ``(n,)`` [s]: Lambda becomes F' Lambda F."""

@@ -35,16 +35,18 @@ class ModelSet:
     ----------
     rates : (3, 3) array
         Transition rates, row = from, column = to. [1/s]
-    along, across : (3,) arrays
-        Density of white jerk along and across the flight. [m²/s⁵]
+    jerk : (3,) array
+        Density of white jerk on both axes; across the flight only where the second model is a turn. [m²/s⁵]
+    steady, wander : float
+        Density of white acceleration of the first model; of the second, where that is a turn. [m²/s³]
     turns : bool
-        Whether states are moved as in a turn, and the second model is a turn at constant speed: it has no acceleration
-        along the flight but what steady flight has.
+        Whether the second model is a turn at constant speed instead of a manoeuvre of any kind.
     """
 
     rates: Array
-    along: Array
-    across: Array
+    jerk: Array
+    steady: float
+    wander: float
     turns: bool
 
 
@@ -52,17 +54,19 @@ class ModelSet:
 # Steady flight lasts minutes, a roll-in seconds.
 DETECTOR: Final = ModelSet(
     rates=np.array([[0.0, 0.004, 0.012], [0.01, 0.0, 0.03], [0.05, 0.15, 0.0]]),
-    along=np.array([0.0, 0.2**2, 2.0**2]),
-    across=np.array([0.0, 0.2**2, 2.0**2]),
+    jerk=np.array([0.0, 0.2**2, 2.0**2]),
+    steady=STEADY_ACCELERATION_DENSITY,
+    wander=0.0,
     turns=False,
 )
 # Turn at constant speed: the bank that makes 3 degrees a second at 130 m/s comes and goes within five seconds, that is
-# 1.4 m/s³. Change of speed: thrust takes seconds to come, 0.3 m/s³, and the flight is straight or nearly so. A turn
-# begins every two minutes and lasts one.
+# 1.4 m/s³, and stays in between. Change of speed: thrust takes seconds to come, 0.3 m/s³, and the flight is straight or
+# nearly so. A turn begins every five minutes and lasts one or two, a change of speed every quarter of an hour.
 LIVE: Final = ModelSet(
-    rates=np.array([[0.0, 0.008, 0.004], [0.02, 0.0, 0.004], [0.05, 0.05, 0.0]]),
-    along=np.array([0.0, 0.0, 0.3**2]),
-    across=np.array([0.0, 1.2**2, 0.3**2]),
+    rates=np.array([[0.0, 0.003, 0.001], [0.01, 0.0, 0.001], [0.025, 0.025, 0.0]]),
+    jerk=np.array([0.0, 1.0**2, 0.3**2]),
+    steady=0.08**2,
+    wander=0.15**2,
     turns=True,
 )
 # Before anything is known.
@@ -122,19 +126,18 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
     for rows in _OF_ACCELERATION:
         P[rows, 0] = 0.0
     if models.turns:
-        coordinated_turn.keep_across(x[:, 1], P[:, 1], h > 0.0)
-        coordinated_turn.predict(x, P, h, models.along[:, None], models.across[:, None])
-        _add_white_acceleration(P[:, 1], h)
+        kalman.predict(x[:, ::2], P[:, ::2], h, models.jerk[::2, None])
+        coordinated_turn.circle(x[:, 1], P[:, 1], h, float(models.jerk[1]))
+        _add_white_acceleration(P[:, 1], models.wander * h, h)
     else:
-        kalman.predict(x, P, h, models.along[:, None])
-    _add_white_acceleration(P[:, 0], h)
+        kalman.predict(x, P, h, models.jerk[:, None])
+    _add_white_acceleration(P[:, 0], models.steady * h, h)
     # Keeps the steady model's acceleration block regular; far below anything measurable.
     P[20:24:3, 0] += 1e-4
     return x, P, mu
 
 
-def _add_white_acceleration(P: Array, h: Array) -> None:
-    q = STEADY_ACCELERATION_DENSITY * h
+def _add_white_acceleration(P: Array, q: Array, h: Array) -> None:
     # Both axes at once: their rows lie evenly apart.
     P[0:8:7] += q * h * h / 3.0
     P[2:10:7] += q * h / 2.0
@@ -164,6 +167,7 @@ def step(
     lag: Array | None,
     usable: Bools,
     gate: Array | float,
+    turns: bool = False,
 ) -> tuple[Array, Bools, Array, kalman.Innovation]:
     """Update all models by one report a lane, in place; returns ``mu``, accepted, distance, innovation.
 
@@ -185,8 +189,11 @@ def step(
         Lanes to update; the others are left alone.
     gate : float
         Largest squared statistical distance of the nearest model.
+    turns : bool
+        Whether the second model is a turn at constant speed.
     """
     vx, vy = x[2], x[3]
+    before = x[2:4, 1].copy() if turns else None
     # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
     r00 = base[0] + time_variance * (vx * vx + P[12])
     r01 = base[1] + time_variance * (vx * vy + P[13])
@@ -205,6 +212,8 @@ def step(
         iv = innovation(x, P, 2, z[2], z[3], r00, r01, r11, lag)
         has_velocity &= iv.d2.min(axis=0) <= gate
         mu = _reweigh(mu, kalman.apply(x, P, iv, has_velocity))
+    if before is not None:
+        coordinated_turn.keep_speed(x[:, 1], P[:, 1], before)
     return mu, ok, nearest, i
 
 

@@ -87,6 +87,7 @@ class ModeWork:
             z=np.stack([east, north, ve, vn]),
             base=np.stack([r_ee, r_en, r_nn]),
             time_variance=tv, velocity_variance=rv, lag=late, usable=usable, gate=gate,
+            turns=self._models.turns,
         )  # fmt: skip
         if pending or not ok[usable].all():
             noted = np.flatnonzero(usable)

@@ -232,16 +232,18 @@ def random_events(rng: np.random.Generator, count: int, gaps: list[float]) -> li
     return events
 
 
-def run_kernels(x: np.ndarray, P: np.ndarray, event: plain.Event) -> list[tuple[int, kalman.Gains]]:
+def run_kernels(
+    x: np.ndarray, P: np.ndarray, event: plain.Event
+) -> tuple[coordinated_turn.Turned, list[tuple[int, kalman.Gains]]]:
     """One event through the kernels; a report that is missing is one that was refused."""
     q = np.array([event.q])
-    coordinated_turn.predict(x, P, np.array([event.h]), plain.ALONG * q, plain.ACROSS * q)
+    turned = coordinated_turn.predict(x, P, np.array([event.h]), plain.ALONG * q, plain.ACROSS * q)
     gains = []
     for first, measured in ((0, event.position), (2, event.velocity)):
         z, R = measured if measured is not None else (np.full(2, 1e6), np.eye(2))
         i = kalman.innovation(x, P, first, z[:1], z[1:], R[:1, 0], R[:1, 1], R[1:, 1])
         gains.append((first, kalman.apply(x, P, i, np.array([measured is not None]))))
-    return gains
+    return turned, gains
 
 
 @given(seeds, st.sampled_from([[0.0], [1.0], [0.0, 0.3, 1.0, 4.0], [1.0, 20.0]]))
@@ -256,10 +258,11 @@ def test_adjoint_pass_is_rauch_tung_striebel(seed: int, gaps: list[float]) -> No
         filtered.append((x.copy(), P.copy()))
 
     adjoint, found = kalman.Adjoint(1), []
-    for event, gains, state in zip(events[::-1], updates[::-1], filtered[::-1], strict=True):
+    for event, (turned, gains), state in zip(events[::-1], updates[::-1], filtered[::-1], strict=True):
         found.append(adjoint.smooth(*state))
         for first, gain in reversed(gains):
             adjoint.through_update(first, gain)
+        adjoint.through_turn(*turned)
         adjoint.through_step(np.array([event.h]))
 
     sigma = [np.sqrt(np.diag(P_)) for _, P_ in wanted]
@@ -285,9 +288,10 @@ def test_adjoint_pass_is_exact_in_ordinary_flight() -> None:
             centre = x.copy(), P.copy()
 
     adjoint = kalman.Adjoint(1)
-    for event, gains in zip(events[:4:-1], updates[:4:-1], strict=True):
+    for event, (turned, gains) in zip(events[:4:-1], updates[:4:-1], strict=True):
         for first, gain in reversed(gains):
             adjoint.through_update(first, gain)
+        adjoint.through_turn(*turned)
         adjoint.through_step(np.array([event.h]))
     got_x, got_P = adjoint.smooth(*centre)
 
