@@ -9,48 +9,54 @@ from hypothesis import strategies as st
 from tests.web_samples import NOW_S, picture, show, tracks
 
 from aeroskein_service.web import known_parts
-from aeroskein_service.web.known_parts import SEARCHES, UNKNOWN, KnownParts
+from aeroskein_service.web.known_parts import LONGEST, UNKNOWN, KnownParts, padded
 
-LENGTH = 3
-parts = st.binary(min_size=LENGTH, max_size=LENGTH)
-changes = st.lists(st.tuples(st.booleans(), parts, st.integers(0, 99)), max_size=40)
+parts = st.binary(min_size=1, max_size=20) | st.binary(min_size=250, max_size=LONGEST)
+changes = st.lists(st.tuples(st.integers(0, 30), st.none() | parts), max_size=40)
 
 
 def found(known: KnownParts, asked: list[bytes]) -> list[int]:
-    return known.find(np.frombuffer(b"".join(asked), dtype=np.uint8).reshape(-1, LENGTH)).tolist()
+    data = b"".join(asked) + bytes(LONGEST)
+    lengths = np.array([len(part) for part in asked])
+    return known.find(padded(data, np.cumsum(lengths) - lengths, lengths), lengths).tolist()
 
 
 @given(changes, st.lists(parts, min_size=1, max_size=10))
-def test_what_is_found_is_what_a_dictionary_holds(changed, asked):
-    known, expected = KnownParts(), {}
-    for comes, part, number in changed:
-        if comes:
-            known.add(part, number)
-            expected[part] = number
-        else:
-            known.remove(part)
-            expected.pop(part, None)
-    asked += list(expected)
-    for _ in range(SEARCHES):
-        last = found(known, asked)
-    assert last == [expected.get(part, UNKNOWN) for part in asked]
-    assert len(known) == len(expected)
+def test_what_is_found_is_what_was_put(changed, asked):
+    known, held = KnownParts(), {}
+    for place, part in changed:
+        if part is None:
+            known.forget(place)
+            held.pop(place, None)
+        elif part not in held.values():
+            known.put([place], [part])
+            held[place] = part
+    places = {part: place for place, part in held.items()}
+    asked += list(held.values())
+    assert found(known, asked) == [places.get(part, UNKNOWN) for part in asked]
+    assert [part in known for part in asked] == [part in places for part in asked]
 
 
 def test_collision_of_hashes_finds_nothing_wrong(monkeypatch):
-    monkeypatch.setattr(known_parts, "_hashes", lambda rows: np.zeros(len(rows), dtype=np.uint64))
+    monkeypatch.setattr(known_parts, "_hashes", lambda words, _lengths: np.zeros(len(words), dtype=np.uint64))
     known = KnownParts()
-    known.add(b"abc", 1)
-    assert found(known, [b"abc", b"xyz"]) == [1, UNKNOWN]
+    known.put([0], [b"abc"])
+    assert found(known, [b"abc", b"xyz", b"ab", b"abc\0"]) == [0, UNKNOWN, UNKNOWN, UNKNOWN]
 
 
-def test_forgotten_string_is_not_found_any_more():
+def test_string_that_is_too_long_is_not_found():
     known = KnownParts()
-    for k in range(100):
-        known.add(bytes((k, 0, 0)), k)
-    assert found(known, [b"\x07\0\0"]) == [7]
-    known.remove(b"\x07\0\0")
-    assert found(known, [b"\x07\0\0", b"\x08\0\0"]) == [UNKNOWN, 8]
+    known.put([0, 1], [b"a" * (LONGEST + 1), b"b"])
+    assert found(known, [b"a" * (LONGEST + 1), b"a" * LONGEST, b"b"]) == [UNKNOWN, UNKNOWN, 1]
+
+
+def test_place_holds_the_newest_string():
+    known = KnownParts()
+    known.put(range(100), [bytes((k, 7)) for k in range(100)])
+    known.put([7], [b"other"])
+    assert found(known, [b"\x07\x07", b"other", b"\x08\x07"]) == [UNKNOWN, 7, 8]
+    known.forget(7)
+    assert found(known, [b"other", b"\x08\x07"]) == [UNKNOWN, 8]
 
 
 @pytest.mark.parametrize("absent", [[], ["altitude_m"], ["position_cov_m2"]])

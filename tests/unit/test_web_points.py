@@ -12,25 +12,32 @@ from hypothesis import strategies as st
 from tests.web_samples import NOW_S, messages, picture, show, tracks
 from tests.wire_samples import SENSORS, fused_points
 
-from aeroskein_service.codec import PointEncoder
+from aeroskein_service.codec import PointEncoder, encode_feed
+from aeroskein_service.messages import FEED_POINTS, MSGPACK
+from aeroskein_service.web.known_parts import UNKNOWN
+from aeroskein_service.web.live_picture import NUMBERS
 from aeroskein_service.web.live_points import read_point
-from aeroskein_service.web.quick_points import BODY, NUMBERS, TAIL, QuickReader
+from aeroskein_service.web.quick_points import BODY, START, TAIL, QuickReader, Read
 
 NULLABLE = ("lat_deg", "altitude_m", "height_m", "ground_speed_mps", "vertical_rate_mps", "input_received_s")
 
 
-TIMES = 5  # so many points of one length are worth columns
+def feed(points: list[bytes]) -> list[bytes]:
+    """Points as messages of the feed."""
+    starts = range(0, len(points), FEED_POINTS)
+    return [encode_feed(points[k : k + FEED_POINTS], MSGPACK, epoch=1, seq=k) for k in starts]
 
 
-def quickly(points: list[bytes]) -> tuple[np.ndarray, np.ndarray]:
-    """The numbers of points, and which of them could be read; heads and tails are known."""
-    reader, many = QuickReader(), [point for point in points for _ in range(TIMES)]
-    for point in points:
-        reader.heads.add(point[: point.find(BODY)], 1)
-        reader.tails.add(point[point.find(TAIL) :], 1)
-    read = reader.sort(many)
-    assert read.numbers.shape == (len(NUMBERS) + 2, len(many))
-    return read.numbers[:, ::TIMES], (read.heads == 1)[::TIMES]
+def second_time(points: list[bytes]) -> Read:
+    """Points that are read after they have been filled and learned once; each has a place and a tail of its own."""
+    reader = QuickReader(NUMBERS, tail=1)
+    read = reader.read(feed(points))
+    for row in read.unknown():
+        read.fill(row, row, (row + 1000,), (0.0,) * (len(NUMBERS) + 2))
+    reader.learn(read, range(len(read)))
+    again = reader.read(feed(points))
+    assert again.numbers.shape == (len(NUMBERS) + 2, len(again))
+    return again
 
 
 @given(absent=st.lists(st.sets(st.sampled_from([*NULLABLE, "position_cov_m2"])), min_size=1, max_size=12))
@@ -43,32 +50,64 @@ def test_quick_reading_gives_the_numbers_that_reading_field_by_field_gives(absen
     columns["position_cov_m2"] = [[np.nan] * 3 if "position_cov_m2" in gone else [4.0, 1.0, 9.0] for gone in absent]
     payloads = PointEncoder(SENSORS, 1).encode(fused_points(n, **columns), NOW_S)
     # When both read them
-    numbers, known = quickly(payloads)
+    read = second_time(payloads)
     # Then all are read, and every number is the same
-    assert known.all()
+    assert read.places.tolist() == list(range(n))
+    assert (read.tails >= 1000).all()
     for row, payload in enumerate(payloads):
-        slow = read_point(payload, "application/msgpack")
+        assert read.point(row) == payload
+        slow = read_point(payload, MSGPACK)
         values = [getattr(slow, name) for name in NUMBERS[:-1]] + list(slow.position_cov_m2 or (None,) * 3)
         expected = np.array([np.nan if v is None else v for v in values], dtype=np.float64)
-        assert np.array_equal(numbers[:, row], expected, equal_nan=True)
+        assert np.array_equal(read.numbers[:, row], expected, equal_nan=True)
+
+
+@given(st.lists(st.binary(max_size=80), min_size=1, max_size=6))
+def test_bytes_that_are_no_body_are_left_to_the_slow_way(bodies):
+    head = PointEncoder(SENSORS, 1).encode(fused_points(1), NOW_S)[0].partition(BODY)[0]
+    read = second_time([head + BODY + body + TAIL + b"rest" for body in bodies])
+    assert (read.places == UNKNOWN).all() or any(b"\xcb" in body for body in bodies)
+
+
+@given(st.lists(st.binary(min_size=1, max_size=80), min_size=1, max_size=6), st.sampled_from([b"", START]))
+def test_bytes_that_are_no_point_are_left_to_the_slow_way(points, start):
+    read = second_time([start + point for point in points])
+    assert (read.places == UNKNOWN).all()
+    assert len(read.left) + len(read.epochs) == len(feed(points))
 
 
 @given(st.lists(st.binary(max_size=80), max_size=6))
-def test_bytes_that_are_no_body_are_left_to_the_slow_way(bodies):
-    _, known = quickly([b"head" + BODY + body + TAIL + b"rest" for body in bodies])
-    assert not known.any() or any(b"\xcb" in body for body in bodies)
-
-
-@given(st.lists(st.binary(min_size=1, max_size=80), max_size=6))
-def test_bytes_that_are_no_point_are_left_to_the_slow_way(points):
-    _, known = quickly(points)
-    assert not known.any()
+def test_bytes_that_are_no_message_are_left_to_the_slow_way(payloads):
+    read = QuickReader(NUMBERS, tail=1).read(payloads)
+    assert (len(read), read.left) == (0, list(range(len(payloads))))
 
 
 def test_body_with_an_integer_in_place_of_a_float_is_left_to_the_slow_way():
     point = msgspec.msgpack.decode(PointEncoder(SENSORS, 1).encode(fused_points(1), NOW_S)[0])
-    _, known = quickly([msgspec.msgpack.encode(point | {"altitude_m": 10_000})])
-    assert not known.any()
+    read = second_time([msgspec.msgpack.encode(point | {"altitude_m": 10_000})])
+    assert (read.places == UNKNOWN).all()
+
+
+@given(st.lists(st.tuples(st.integers(0, 1500), st.binary(min_size=1, max_size=4)), min_size=1, max_size=3))
+def test_changed_bytes_are_understood_as_the_slow_way_understands_them(changes):
+    # Given a message that a picture has learned to read quickly, with some bytes changed
+    points = tracks(3)
+    payload = bytearray(messages(points)[0][0])
+    for at, changed in changes:
+        payload[at : at + len(changed)] = changed
+    quick, slow = picture(), picture()
+    for shown in (quick, slow):
+        show(shown, points)
+        show(shown, points)
+    # When one picture reads it quickly and another field by field
+    quick.note("feed", bytes(payload), MSGPACK)
+    slow.note("feed", bytes(payload), f"{MSGPACK};slowly")
+    for shown in (quick, slow):
+        shown.drain()
+    # Then both show the same, where the message is one
+    if slow.broken == 0:
+        assert quick.broken == 0
+        assert quick.records(NOW_S).tobytes() == slow.records(NOW_S).tobytes()
 
 
 @pytest.mark.parametrize("encoding", ["msgpack", "json"])

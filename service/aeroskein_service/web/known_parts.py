@@ -1,112 +1,131 @@
-"""Byte strings to numbers, thousands at once: the parts of points that repeat from second to second.
+"""Byte strings found thousands at once: the parts of points that repeat from second to second.
 
-Strings of one length are a matrix of bytes. A row is found by a 64-bit hash of it among the sorted hashes of those that
-are known, and then compared byte by byte, so a collision of hashes finds nothing wrong.
+Each string has a place, a small number that its owner chose. Rows of bytes are looked up by a 64-bit hash among the
+sorted hashes of those that are known, and then compared byte by byte, so a collision of hashes finds nothing wrong.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["UNKNOWN", "KnownParts"]
+__all__ = ["UNKNOWN", "KnownParts", "Rows", "Words", "padded"]
 
 UNKNOWN: Final = -1
-LONGEST: Final = 512  # bytes of a string; a longer one is never found
-# What is new is sorted in when it is a tenth of what there is, or after so many searches: sorting costs as much as one.
-SEARCHES: Final = 8
-_FACTORS: Final = np.random.default_rng(1).integers(0, 2**64, LONGEST // 8, dtype=np.uint64) | np.uint64(1)
-Bytes = NDArray[np.uint8]
+WORD: Final = 8  # bytes
+LONGEST: Final = 256  # bytes of a string; a longer one is never found
+FIRST_PLACES: Final = 256
+_FACTORS: Final = np.random.default_rng(1).integers(0, 2**64, LONGEST // WORD + 1, dtype=np.uint64) | np.uint64(1)
+# The bytes of a word that belong to a string of which it holds so many.
+_MASKS: Final = np.array([(1 << 8 * n) - 1 for n in range(WORD + 1)], dtype=np.uint64)
 
-
-class _Alike:
-    """The strings of one length."""
-
-    def __init__(self, length: int) -> None:
-        self.numbers: dict[bytes, int] = {}
-        self._length = length
-        self._new = 0
-        self._searches = 0
-        self._sort()
-
-    def _sort(self) -> None:
-        rows = np.frombuffer(b"".join(self.numbers), dtype=np.uint8).reshape(len(self.numbers), self._length)
-        hashes = _hashes(rows)
-        order = np.argsort(hashes)
-        self._hashes, self._rows = hashes[order], rows[order]
-        self._values = np.fromiter(self.numbers.values(), dtype=np.int64, count=len(self.numbers))[order]
-        self._new = self._searches = 0
-
-    def add(self, part: bytes, number: int) -> None:
-        self.numbers[part] = number
-        self._new += 1
-
-    def remove(self, part: bytes) -> None:
-        if self.numbers.pop(part, None) is not None:
-            self._new = len(self.numbers) + 1
-
-    def find(self, rows: Bytes) -> NDArray[np.int64]:
-        self._searches += 1
-        if self._new and (self._searches >= SEARCHES or 10 * self._new > len(self.numbers)):
-            self._sort()
-        if not len(self._values):
-            return np.full(len(rows), UNKNOWN, dtype=np.int64)
-        hashes = _hashes(rows)
-        place = np.minimum(np.searchsorted(self._hashes, hashes), len(self._hashes) - 1)
-        same = self._hashes[place] == hashes
-        same[same] = (self._rows[place[same]] == rows[same]).all(axis=1)
-        return np.where(same, self._values[place], UNKNOWN)
+Words = NDArray[np.uint64]
+Rows = NDArray[np.int64]
 
 
 class KnownParts:
-    """Strings with a number each."""
+    """Strings by place."""
 
     def __init__(self) -> None:
-        self._alike: dict[int, _Alike] = {}
-        self._count = 0
+        self._words: Words = np.zeros((0, LONGEST // WORD), dtype=np.uint64)
+        self._lengths = np.zeros(0, dtype=np.int64)
+        self._hash: Words = np.zeros(0, dtype=np.uint64)
+        self._order = np.zeros(0, dtype=np.int64)
+        self._sorted: Words = self._hash
+        self._changed = False
 
-    def __len__(self) -> int:
-        return self._count
+    def put(self, places: Sequence[int], parts: Sequence[bytes]) -> None:
+        """Strings at places, instead of those that were there."""
+        fits = [k for k, part in enumerate(parts) if 0 < len(part) <= LONGEST]
+        if not fits:
+            return
+        rows = np.array([places[k] for k in fits])
+        self._reserve(int(rows.max()) + 1)
+        joined = b"".join(parts[k].ljust(LONGEST, b"\0") for k in fits)
+        self._words[rows] = np.frombuffer(joined, dtype=np.uint64).reshape(len(fits), -1)
+        self._lengths[rows] = [len(parts[k]) for k in fits]
+        self._hash[rows] = _hashes(self._words[rows], self._lengths[rows])
+        self._changed = True
 
-    def add(self, part: bytes, number: int) -> None:
-        """Remember one, or give one another number from the next sorting on."""
-        if 0 < len(part) <= LONGEST:
-            alike = self._alike.get(len(part))
-            if alike is None:
-                alike = self._alike[len(part)] = _Alike(len(part))
-            self._count += part not in alike.numbers
-            alike.add(part, number)
+    def forget(self, place: int) -> None:
+        """Find the string at a place no more."""
+        if place < len(self._lengths):
+            self._lengths[place] = 0
 
-    def remove(self, part: bytes) -> None:
-        """Forget one, at once."""
-        alike = self._alike.get(len(part))
-        if alike is not None and part in alike.numbers:
-            alike.remove(part)
-            self._count -= 1
+    def __contains__(self, part: bytes) -> bool:
+        rows = np.frombuffer(part.ljust(LONGEST, b"\0")[:LONGEST], dtype=np.uint64).reshape(1, -1)
+        return bool(self.find(rows, np.array([len(part)]))[0] != UNKNOWN)
 
-    def find(self, rows: Bytes) -> NDArray[np.int64]:
-        """The numbers of strings.
+    def find(self, words: Words, lengths: Rows) -> Rows:
+        """The places of strings.
 
         Parameters
         ----------
-        rows : (n, length) uint8
-            Strings of one length.
+        words : (n, w) uint64
+            The strings, see ``padded``.
+        lengths : (n,) int64
+            Of the strings. [bytes]
 
         Returns
         -------
         (n,) int64
-            ``UNKNOWN`` where there is none, or not yet.
+            ``UNKNOWN`` where there is none.
         """
-        alike = self._alike.get(rows.shape[1])
-        return np.full(len(rows), UNKNOWN, dtype=np.int64) if alike is None else alike.find(rows)
+        if self._changed:
+            used = np.flatnonzero(self._lengths)
+            self._order = used[np.argsort(self._hash[used])]
+            self._sorted, self._changed = self._hash[self._order], False
+        if not len(self._order):
+            return np.full(len(words), UNKNOWN)
+        width = words.shape[1]
+        hashes = _hashes(words, lengths)
+        places = self._order[np.minimum(np.searchsorted(self._sorted, hashes), len(self._order) - 1)]
+        same = (self._lengths[places] == lengths) & (self._words[places, :width] == words).all(axis=1)
+        return np.where(same, places, UNKNOWN)
+
+    def _reserve(self, capacity: int) -> None:
+        before = len(self._lengths)
+        if capacity > before:
+            more = max(capacity, 2 * before, FIRST_PLACES) - before
+            self._words = np.concatenate([self._words, np.zeros((more, LONGEST // WORD), dtype=np.uint64)])
+            self._lengths = np.concatenate([self._lengths, np.zeros(more, dtype=np.int64)])
+            self._hash = np.concatenate([self._hash, np.zeros(more, dtype=np.uint64)])
 
 
-def _hashes(rows: Bytes) -> NDArray[np.uint64]:
-    """A 64-bit hash of each row: its words, each times a factor of its own, added up."""
-    words = -(-rows.shape[1] // 8)
-    padded = np.zeros((len(rows), 8 * words), dtype=np.uint8)
-    padded[:, : rows.shape[1]] = rows
-    made: NDArray[np.uint64] = (padded.view("<u8") * _FACTORS[:words]).sum(axis=1, dtype=np.uint64)
+def padded(data: bytes, begins: Rows, lengths: Rows) -> Words:
+    """Strings out of one buffer, filled up with zeros to whole words.
+
+    Parameters
+    ----------
+    data : bytes
+        Goes on for ``LONGEST`` bytes behind the last string.
+    begins, lengths : (n,) int64
+        Where the strings begin, and their lengths; beyond ``LONGEST`` they are cut. [bytes]
+
+    Returns
+    -------
+    (n, w) uint64
+        As wide as the longest of them.
+    """
+    longest = min(int(lengths.max(initial=1)), LONGEST)
+    width = -(-longest // WORD)
+    words = windows(data, begins, WORD * width).view(np.uint64).reshape(len(begins), width)
+    there = np.clip(lengths[:, None] - WORD * np.arange(width), 0, WORD)
+    masked: Words = words & _MASKS[there]
+    return masked
+
+
+def _hashes(words: Words, lengths: Rows) -> Words:
+    """A 64-bit hash of each string: its words and length, each times a factor, added up; zeros behind add nothing."""
+    made: Words = words @ _FACTORS[: words.shape[1]] + lengths.astype(np.uint64) * _FACTORS[-1]
     return made
+
+
+def windows(data: bytes, begins: Rows, size: int) -> NDArray[Any]:
+    """Copies of ``size`` bytes each from where they begin, as ``(n,)`` raw items."""
+    at_every_byte = np.ndarray((len(data) - size + 1,), dtype=f"V{size}", buffer=data, strides=(1,))
+    taken: NDArray[Any] = at_every_byte[begins]
+    return taken

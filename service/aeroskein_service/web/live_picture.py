@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aeroskein_service.codec import MessageError
 from aeroskein_service.messages import MSGPACK, FusedPoint
-from aeroskein_service.web.known_parts import UNKNOWN, KnownParts
+from aeroskein_service.web.known_parts import UNKNOWN
 from aeroskein_service.web.live_points import (
     STATUS_INDEX,
     LivePoint,
@@ -26,7 +26,7 @@ from aeroskein_service.web.live_points import (
     source_names,
     whole_point,
 )
-from aeroskein_service.web.quick_points import BODY, START, TAIL, QuickReader, cut
+from aeroskein_service.web.quick_points import QuickReader
 from aeroskein_service.web.records import (
     NAMED_BY_ADDRESS,
     UNKNOWN_ADDRESS,
@@ -43,9 +43,13 @@ __all__ = ["LivePicture"]
 
 MESSAGES: Final = 20_000  # messages that may wait, half a minute at 20,000 points/s; the oldest go first
 FIRST_TRACKS: Final = 1024  # slots at the start; doubled when they are used up
-POINTS_AT_ONCE: Final = 5000  # points that become columns together: 10 ms
+MESSAGES_AT_ONCE: Final = 200  # messages that become columns together: 10,000 points, 10 ms
+# What a picture needs of a point, in order; a covariance has three numbers.
+NUMBERS: Final = (
+    "time_s", "lat_deg", "lon_deg", "altitude_m", "ground_speed_mps", "track_angle_deg", "vertical_rate_mps",
+    "input_received_s", "position_cov_m2",
+)  # fmt: skip
 UNKNOWN_COVARIANCE: Final = (np.nan,) * 3
-CACHED: Final = 20_000  # different tails of points remembered
 TERMINATED: Final = STATUS_INDEX["terminated"]
 ENDED_S: Final = 5.0  # how long an ended track stays in the picture
 # A track that the service has not mentioned for so long, while it did mention others, was dropped by it. [s]
@@ -62,13 +66,12 @@ class _Message(NamedTuple):
     epoch: int
 
 
-class _Batch:
-    """Points read field by field that become columns together."""
+class _Point(NamedTuple):
+    """A point read field by field: its slot, status, master, sensors and flags, and its numbers."""
 
-    def __init__(self) -> None:
-        self.slots: list[int] = []
-        self.tails: list[int] = []
-        self.numbers: list[tuple[Any, ...]] = []
+    slot: int
+    tail: tuple[int, int, int, int]
+    numbers: tuple[Any, ...]
 
 
 class LivePicture:
@@ -89,17 +92,15 @@ class LivePicture:
         self._slot_of: dict[int, int] = {}
         self._slot_of_label: dict[str, int] = {}
         self._free: list[int] = []
+        self._used: NDArray[np.int64] | None = None
         self._records = blank(0)
         self._time_s = self._arrived_s = self._heard_s = np.zeros(0)
         self._epoch = np.zeros(0, dtype=np.int64)
-        self._contributed_s = np.zeros((0, MOST_SENSORS))
+        self._contributed_s = np.zeros((MOST_SENSORS, 0))
         self._identity: list[tuple[Any, ...] | None] = []
         self._number: list[int] = []
         self._message: NDArray[np.object_] = np.empty(0, dtype=object)
-        self._reader = QuickReader()
-        self._head: list[bytes | None] = []
-        self._tail_rows: dict[tuple[int, ...], int] = {}
-        self._tail_table = np.zeros((0, 4), dtype=np.int64)
+        self._reader = QuickReader(NUMBERS, tail=4)
         self._newest_epoch = 0
         self.news_s = 0.0  # when the feed last said anything
         self.points = 0
@@ -119,63 +120,50 @@ class LivePicture:
     def drain(self) -> None:
         """Read what has arrived."""
         while self._waiting:
-            slow = _Batch()
-            points: list[bytes] = []
-            messages: list[_Message] = []
-            while self._waiting and len(points) + len(slow.slots) < POINTS_AT_ONCE:
+            quick: list[_Message] = []
+            slow: list[_Message] = []
+            while self._waiting and len(quick) + len(slow) < MESSAGES_AT_ONCE:
                 payload, encoding = self._waiting.popleft()
-                parts = cut(payload) if encoding == MSGPACK else None
-                if parts is not None:
-                    points += parts[1]
-                    messages += [_Message(payload, encoding, parts[0])] * len(parts[1])
-                    continue
-                try:
-                    epoch, others = read_messages(payload, encoding)
-                except MessageError:
-                    self.broken += 1
-                    continue
-                for other in others:
-                    self._read_slowly(slow, bytes(other), _Message(payload, encoding, epoch))
-            if points:
-                self._read_quickly(points, messages, slow)
-            if slow.slots:
-                self._take(np.array(slow.slots), np.array(slow.tails), np.array(slow.numbers, dtype=np.float64).T)
+                (quick if encoding == MSGPACK else slow).append(_Message(payload, encoding, 0))
+            if quick:
+                slow += self._read_quickly(quick)
+            if slow:
+                self._read_whole(slow)
 
-    def _read_quickly(self, points: list[bytes], messages: list[_Message], slow: _Batch) -> None:
-        """Read points whose heads and tails are known at once, and learn those of the others."""
-        read = self._reader.sort(points)
-        known = read.heads != UNKNOWN
-        slots = read.heads[known]
-        kept = np.empty(len(points), dtype=object)
-        kept[:] = messages
-        self._message[slots] = kept[known]
-        self._take(slots, read.tails[known], read.numbers[:, known])
-        for place in np.flatnonzero(~known).tolist():
-            point = points[place]
-            begin = point.find(BODY)
-            end = point.find(TAIL, begin)
-            found = self._read_slowly(slow, START + point, messages[place])
-            if found is not None and 0 < begin < end:
-                self._remember(point[:begin], point[end:], *found)
+    def _read_quickly(self, waiting: list[_Message]) -> list[_Message]:
+        """Read points as columns, and field by field those that are new; gives what could not be cut into points."""
+        read = self._reader.read([message.payload for message in waiting])
+        messages = np.empty(len(waiting), dtype=object)
+        for index, epoch in read.epochs.items():
+            messages[index] = waiting[index]._replace(epoch=epoch)
+        unknown = read.unknown()
+        for row in unknown:
+            point = self._read_point(read.point(row), messages[read.message[row]])
+            if point is not None:
+                read.fill(row, *point)
+        self._reader.learn(read, unknown)
+        there = read.places != UNKNOWN
+        self._message[read.places[there]] = messages[read.message[there]]
+        self._take(read.places[there], read.tails[there], read.numbers[:, there])
+        return [waiting[index] for index in read.left]
 
-    def _remember(self, head: bytes, tail: bytes, slot: int, row: int) -> None:
-        before = self._head[slot]
-        if before is not None and before != head:
-            self._reader.heads.remove(before)
-        self._head[slot] = head
-        self._reader.heads.add(head, slot)
-        if len(self._reader.tails) >= CACHED:
-            self._reader.tails = KnownParts()
-        self._reader.tails.add(tail, row)
+    def _read_whole(self, messages: list[_Message]) -> None:
+        """Read messages point by point."""
+        found: list[_Point] = []
+        for message in messages:
+            try:
+                epoch, points = read_messages(message.payload, message.encoding)
+            except MessageError:
+                self.broken += 1
+                continue
+            message = message._replace(epoch=epoch)
+            read = [self._read_point(bytes(point), message) for point in points]
+            found += [point for point in read if point is not None]
+        if found:
+            slots, tails, numbers = zip(*found, strict=True)
+            self._take(np.array(slots), np.array(tails), np.array(numbers, dtype=np.float64).T)
 
-    def _tail(self, *values: int) -> int:
-        """The row of status, master, sensors and flags in the table of those there are."""
-        row = self._tail_rows.setdefault(values, len(self._tail_rows))
-        if row == len(self._tail_table):
-            self._tail_table = np.concatenate([self._tail_table, np.array([values], dtype=np.int64)])
-        return row
-
-    def _read_slowly(self, slow: _Batch, point: bytes, message: _Message) -> tuple[int, int] | None:
+    def _read_point(self, point: bytes, message: _Message) -> _Point | None:
         """Read a point field by field; None where it is none."""
         encoding = message.encoding
         self.in_full += 1
@@ -185,23 +173,21 @@ class LivePicture:
         except MessageError:
             self.broken += 1
             return None
-        slot = self._slot(p, message)
         bits = 0
         for name in source_names(p.sources, encoding):
             bits |= 1 << self._sensors.index(name)
         master = -1 if p.master is None else self._sensors.index(p.master)
-        tail = self._tail(STATUS_INDEX.get(p.status, 0), master, bits, flag_bits(p.flags, encoding))
-        slow.slots.append(slot)
-        slow.tails.append(tail)
-        slow.numbers.append(
+        return _Point(
+            self._slot(p, message),
+            (STATUS_INDEX.get(p.status, 0), master, bits, flag_bits(p.flags, encoding)),
             (p.time_s, p.lat_deg, p.lon_deg, p.altitude_m, p.ground_speed_mps, p.track_angle_deg, p.vertical_rate_mps,
-             p.input_received_s, *(p.position_cov_m2 or UNKNOWN_COVARIANCE))
+             p.input_received_s, *(p.position_cov_m2 or UNKNOWN_COVARIANCE)),
         )  # fmt: skip
-        return slot, tail
 
+    @np.errstate(over="ignore", invalid="ignore")  # numbers of a sick service look odd on the map, no more
     def _take(self, slots: NDArray[np.int64], tails: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
         """Write points into the columns; of two of one track the later one stays."""
-        status, master, masks, flags = self._tail_table[tails].T
+        status, master, masks, flags = tails.T
         self.points += len(slots)
         records = self._records
         pack_position(records, slots, *numbers[1:4])
@@ -215,7 +201,7 @@ class LivePicture:
         self._heard_s[slots] = numbers[7]
         for sensor in range(len(self._sensors)):
             rows = np.flatnonzero(masks >> sensor & 1)
-            self._contributed_s[slots[rows], sensor] = numbers[0, rows]
+            self._contributed_s[sensor, slots[rows]] = numbers[0, rows]
 
     def _slot(self, point: LivePoint, message: _Message) -> int:
         slot = self._slot_of.get(point.track_number)
@@ -234,11 +220,12 @@ class LivePicture:
             self._grow(2 * len(self._records))
         slot = self._free.pop()
         self._slot_of[number] = slot
+        self._used = None
         self._records[slot] = blank(1)[0]
         self._records["number"][slot] = number & 0xFFFFFFFF
         self._number[slot] = number
         self._epoch[slot] = epoch
-        self._contributed_s[slot] = -np.inf
+        self._contributed_s[:, slot] = -np.inf
         self._identity[slot] = None
         return slot
 
@@ -262,22 +249,20 @@ class LivePicture:
         for name in ("_time_s", "_arrived_s", "_heard_s"):
             setattr(self, name, np.concatenate([getattr(self, name), np.zeros(more)]))
         self._epoch = np.concatenate([self._epoch, np.zeros(more, dtype=np.int64)])
-        self._contributed_s = np.concatenate([self._contributed_s, np.full((more, MOST_SENSORS), -np.inf)])
+        self._contributed_s = np.concatenate([self._contributed_s, np.full((MOST_SENSORS, more), -np.inf)], axis=1)
         self._identity += [None] * more
         self._number += [-1] * more
-        self._head += [None] * more
         self._message = np.concatenate([self._message, np.empty(more, dtype=object)])
         self._free += range(capacity - 1, before - 1, -1)
 
     def _drop(self, slot: int) -> None:
         self._slot_of.pop(self._number[slot], None)
+        self._used = None
         identity = self._identity[slot]
         if identity is not None and self._slot_of_label.get(identity[0]) == slot:
             del self._slot_of_label[identity[0]]
-        head = self._head[slot]
-        if head is not None:
-            self._reader.heads.remove(head)
-        self._identity[slot] = self._message[slot] = self._head[slot] = None
+        self._reader.forget(slot)
+        self._identity[slot] = self._message[slot] = None
         self._free.append(slot)
 
     def prune(self) -> None:
@@ -292,7 +277,10 @@ class LivePicture:
             self._drop(slot)
 
     def _rows(self) -> NDArray[np.int64]:
-        return np.fromiter(self._slot_of.values(), dtype=np.int64, count=len(self._slot_of))
+        """The slots in use, in the order in which they were taken."""
+        if self._used is None:
+            self._used = np.fromiter(self._slot_of.values(), dtype=np.int64, count=len(self._slot_of))
+        return self._used
 
     def numbers(self) -> set[int]:
         """The track numbers there are."""
@@ -311,10 +299,10 @@ class LivePicture:
         made["age"] = np.clip(np.rint((now_s - self._time_s[slots]) * 100.0), -0x7FFF, 0x7FFF)
         heard = np.nan_to_num(now_s - self._heard_s[slots], nan=255.0)
         made["heard"] = np.clip(heard, 0.0, 255.0)
-        limits_s = self._sensors.contributes_s()
-        n = len(limits_s)
-        lately = now_s - self._contributed_s[slots, :n] <= limits_s
-        made["sensors"] = (lately * (np.uint32(1) << np.arange(n, dtype=np.uint32))).sum(axis=1, dtype=np.uint32)
+        sensors = np.zeros(len(slots), dtype=np.uint32)
+        for bit, limit_s in enumerate(self._sensors.contributes_s().tolist()):
+            sensors |= (now_s - self._contributed_s[bit, slots] <= limit_s).astype(np.uint32) << np.uint32(bit)
+        made["sensors"] = sensors
         return made
 
     def point(self, label: str) -> FusedPoint | None:

@@ -70,8 +70,8 @@ def blank(n: int) -> Records:
 
 
 def pack_position(records: Records, rows: Any, lat_deg: Array, lon_deg: Array, altitude_m: Array) -> None:
-    """Write positions of some records; a position that is unknown stays what it was. [deg, deg, m]"""
-    known = np.isfinite(lat_deg) & np.isfinite(lon_deg)
+    """Write positions of some records; one that is unknown, or none on Earth, stays what it was. [deg, deg, m]"""
+    known = (np.abs(lat_deg) <= 90.0) & (np.abs(lon_deg) <= 180.0)
     rows = rows[known]
     records["lat"][rows] = np.rint(lat_deg[known] * 1e7).astype(np.int64)
     records["lon"][rows] = np.rint(lon_deg[known] * 1e7).astype(np.int64)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 from collections import deque
 from collections.abc import Collection
-from operator import attrgetter
 from typing import Any, Final
 
 import msgspec
@@ -18,6 +17,8 @@ from numpy.typing import NDArray
 
 from aeroskein_service.codec import media_type
 from aeroskein_service.messages import JSON, MSGPACK
+from aeroskein_service.web.known_parts import UNKNOWN
+from aeroskein_service.web.quick_points import QuickReader, Read
 from aeroskein_service.web.records import Records, in_box, largest_sigma
 from aeroskein_service.web.sensor_table import SensorTable
 from aeroskein_service.web.source import Box
@@ -27,7 +28,7 @@ __all__ = ["POINT", "TrailStore", "pack_trails", "trail_columns"]
 MESSAGES: Final = 20_000
 POINTS: Final = 75  # of each track
 FIRST_TRACKS: Final = 256
-POINTS_AT_ONCE: Final = 5000
+MESSAGES_AT_ONCE: Final = 200
 
 POINT: Final = np.dtype(
     [
@@ -45,14 +46,11 @@ POINT: Final = np.dtype(
 )
 Points = NDArray[Any]
 _NO_COVARIANCE: Final = (np.nan,) * 3
-_NUMBERS: Final = {
-    "lat": attrgetter("lat_deg"),
-    "lon": attrgetter("lon_deg"),
-    "time_s": attrgetter("time_s"),
-    "altitude_m": attrgetter("altitude_m"),
-    "speed_mps": attrgetter("ground_speed_mps"),
-    "rate_mps": attrgetter("vertical_rate_mps"),
-}
+# What a trail needs of a point, in order; a covariance has three numbers.
+_NUMBERS: Final = (
+    "time_s", "lat_deg", "lon_deg", "altitude_m", "ground_speed_mps", "vertical_rate_mps", "element", "rejected",
+    "position_cov_m2",
+)  # fmt: skip
 
 
 class _ElementPoint(msgspec.Struct, gc=False):
@@ -78,6 +76,8 @@ _DECODERS: Final[dict[str, Any]] = {
     MSGPACK: msgspec.msgpack.Decoder(_ElementFeed),
     JSON: msgspec.json.Decoder(_ElementFeed),
 }
+_POINT: Final = msgspec.msgpack.Decoder(_ElementPoint)
+_ERRORS: Final = (msgspec.MsgspecError, ValueError, RecursionError)
 
 
 class TrailStore:
@@ -97,6 +97,7 @@ class TrailStore:
         self._ring = np.zeros((0, POINTS), dtype=POINT)
         self._count = np.zeros(0, dtype=np.int64)
         self._epoch = 0
+        self._reader = QuickReader(_NUMBERS, tail=1)
         self.points = 0
         self.broken = 0
 
@@ -108,44 +109,91 @@ class TrailStore:
     def drain(self) -> None:
         """Read what has arrived."""
         while self._waiting:
-            points: list[_ElementPoint] = []
-            while self._waiting and len(points) < POINTS_AT_ONCE:
+            quick: list[bytes] = []
+            slow: list[tuple[bytes, str]] = []
+            while self._waiting and len(quick) + len(slow) < MESSAGES_AT_ONCE:
                 payload, encoding = self._waiting.popleft()
-                decoder = _DECODERS.get(media_type(encoding))
-                try:
-                    feed = None if decoder is None else decoder.decode(payload)
-                except (msgspec.MsgspecError, ValueError, RecursionError):
-                    feed = None
-                if feed is None:
-                    self.broken += 1
-                    continue
-                if feed.epoch > self._epoch:
-                    # Another start of the service: numbers may begin anew.
-                    self._epoch = feed.epoch
-                    self.keep_only(())
-                points += feed.points
-            if points:
-                self._take([p for p in points if p.lat_deg is not None and p.lon_deg is not None])
+                if encoding == MSGPACK:
+                    quick.append(payload)
+                else:
+                    slow.append((payload, encoding))
+            if quick:
+                read = self._reader.read(quick)
+                self._follow(max(read.epochs.values(), default=0))
+                self._read_quickly(read)
+                slow += [(quick[index], MSGPACK) for index in read.left]
+            if slow:
+                self._read_whole(slow)
 
-    def _take(self, points: list[_ElementPoint]) -> None:
-        self.points += len(points)
-        rows = np.zeros(len(points), dtype=POINT)
-        for name, field in _NUMBERS.items():
-            column = np.array([*map(field, points)], dtype=np.float64)  # None becomes NaN
-            rows[name] = np.rint(column * 1e7).astype(np.int64) if name in ("lat", "lon") else column
-        covariance = [p.position_cov_m2 or _NO_COVARIANCE for p in points]
-        rows["sigma_m"] = largest_sigma(*np.array(covariance, dtype=np.float64).reshape(-1, 3).T)
-        rows["element"] = [-1 if p.element is None else p.element for p in points]
-        index = {name: -1 if name is None else self._sensors.index(name) for name in {p.master for p in points}}
-        rows["master"] = [index[p.master] for p in points]
-        rows["rejected"] = [min(p.rejected, 0xFFFF) for p in points]
-        left = np.array([self._slot(p.track_number) for p in points], dtype=np.int64)
-        # A track that has several points in a batch gets one of them in each turn.
+    def _read_quickly(self, read: Read) -> None:
+        """Points as columns, and field by field those that are new."""
+        unknown = read.unknown()
+        for row in unknown:
+            try:
+                read.fill(row, *self._columns(_POINT.decode(read.point(row))))
+            except _ERRORS:
+                self.broken += 1
+        self._reader.learn(read, unknown)
+        there = read.places != UNKNOWN
+        self._take(read.places[there], read.tails[there], read.numbers[:, there])
+
+    def _read_whole(self, messages: list[tuple[bytes, str]]) -> None:
+        """Messages that are built in another way."""
+        points: list[_ElementPoint] = []
+        for payload, encoding in messages:
+            decoder = _DECODERS.get(media_type(encoding))
+            try:
+                feed = None if decoder is None else decoder.decode(payload)
+            except _ERRORS:
+                feed = None
+            if feed is None:
+                self.broken += 1
+                continue
+            self._follow(feed.epoch)
+            points += feed.points
+        if points:
+            slots, tails, numbers = zip(*map(self._columns, points), strict=True)
+            self._take(np.array(slots), np.array(tails), np.array(numbers, dtype=np.float64).T)
+
+    def _follow(self, epoch: int) -> None:
+        """After another start of the service numbers may begin anew."""
+        if epoch > self._epoch:
+            self._epoch = epoch
+            self.keep_only(())
+
+    def _columns(self, point: _ElementPoint) -> tuple[int, tuple[int], tuple[Any, ...]]:
+        """Slot, master and numbers of one point."""
+        p = point
+        master = -1 if p.master is None else self._sensors.index(p.master)
+        numbers = (p.time_s, p.lat_deg, p.lon_deg, p.altitude_m, p.ground_speed_mps, p.vertical_rate_mps, p.element,
+                   p.rejected, *(p.position_cov_m2 or _NO_COVARIANCE))  # fmt: skip
+        return self._slot(p.track_number), (master,), numbers
+
+    @np.errstate(over="ignore", invalid="ignore")  # numbers of a sick service look odd on the map, no more
+    def _take(self, slots: NDArray[np.int64], tails: NDArray[np.int64], numbers: NDArray[np.float64]) -> None:
+        """Write points that have a place into the rings; of two of one track the later one comes behind."""
+        placed = (np.abs(numbers[1]) <= 90.0) & (np.abs(numbers[2]) <= 180.0)
+        left, numbers = slots[placed], numbers[:, placed]
+        self.points += len(left)
+        rows = np.zeros(len(left), dtype=POINT)
+        for name, column in zip(("altitude_m", "speed_mps", "rate_mps"), numbers[3:6], strict=True):
+            rows[name] = column
+        rows["time_s"] = numbers[0]
+        rows["lat"], rows["lon"] = np.rint(numbers[1:3] * 1e7).astype(np.int64)
+        rows["element"] = np.nan_to_num(numbers[6], nan=-1.0)
+        rows["rejected"] = np.clip(numbers[7], 0, 0xFFFF)
+        rows["sigma_m"] = largest_sigma(*numbers[8:11])
+        rows["master"] = tails[placed, 0]
         while len(left):
-            slots, first = np.unique(left, return_index=True)
+            # A track that has several points in a batch gets one of them in each turn, the earliest left.
+            last = np.empty(len(self._count), dtype=np.int64)
+            places = np.arange(len(left))
+            last[left[::-1]] = places[::-1]
+            first = last[left] == places
+            slots = left[first]
             self._ring[slots, self._count[slots] % POINTS] = rows[first]
             self._count[slots] += 1
-            left, rows = np.delete(left, first), np.delete(rows, first)
+            left, rows = left[~first], rows[~first]
 
     def _slot(self, number: int) -> int:
         slot = self._slot_of.get(number)
@@ -153,7 +201,10 @@ class TrailStore:
             if not self._free:
                 before = len(self._ring)
                 more = max(before, FIRST_TRACKS)
-                self._ring = np.concatenate([self._ring, np.zeros((more, POINTS), dtype=POINT)])
+                # Memory that nobody has written to yet costs nothing.
+                ring = np.zeros((before + more, POINTS), dtype=POINT)
+                ring[:before] = self._ring
+                self._ring = ring
                 self._count = np.concatenate([self._count, np.zeros(more, dtype=np.int64)])
                 self._free += range(before + more - 1, before - 1, -1)
             slot = self._slot_of[number] = self._free.pop()
@@ -163,7 +214,9 @@ class TrailStore:
     def keep_only(self, numbers: Collection[int]) -> None:
         """Forget the trails of all other tracks."""
         for number in [n for n in self._slot_of if n not in numbers]:
-            self._free.append(self._slot_of.pop(number))
+            slot = self._slot_of.pop(number)
+            self._reader.forget(slot)
+            self._free.append(slot)
 
     # -- out ---------------------------------------------------------------------------------------------------------
     def _points(self, slot: int) -> Points:
