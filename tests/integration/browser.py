@@ -9,7 +9,7 @@ import os
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,10 @@ from aeroskein_service.transport import Session
 
 # Without a GPU: WebGL in software, as on the machines that run the tests. Root has no sandbox.
 FLAGS = ["--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox"]
-# Chromium's own remarks about WebGL without a graphics card, which no page can avoid.
-DRIVER_REMARKS = ("GL Driver Message", "GPU stall")
+# Chromium's own remarks about WebGL without a graphics card, and about an interface of this machine that came or went
+# (containers of other tests), on which it drops what it loads and the page tries again: no page can avoid either.
+DROPPED = "ERR_NETWORK_CHANGED"
+REMARKS = ("GL Driver Message", "GPU stall", DROPPED)
 VIEWPORT = {"width": 1400, "height": 900}
 LIMIT_MS = 60_000
 
@@ -56,9 +58,12 @@ def launched() -> Iterator[Any]:
 class Page:
     """One page of the browser, with what it said and asked for."""
 
-    def __init__(self, browser: Any, url: str, query: str = "", **options: Any) -> None:
+    def __init__(
+        self, browser: Any, url: str, query: str = "", before: Callable[[Any], Any] | None = None, **options: Any
+    ) -> None:
         self.said: list[str] = []
         self.asked: list[str] = []
+        self._dropped = False
         self._url = url
         self.context = browser.new_context(viewport=VIEWPORT, **options)
         self.page = self.context.new_page()
@@ -66,22 +71,33 @@ class Page:
         self.page.on("console", lambda message: self._note(f"{message.type}: {message.text}"))
         self.page.on("pageerror", lambda error: self._note(f"error: {error}"))
         self.page.on("request", lambda request: self.asked.append(request.url))
+        if before is not None:
+            before(self.page)
         self.open(query)
 
     def open(self, query: str = "") -> None:
         """Load the page with what stands in the address; what it said before is forgotten."""
         self.said.clear()
         self.asked.clear()
-        self.page.goto(f"{self._url}/?{query}")
-        self.wait("__view.ready")
+        for limit_ms in (LIMIT_MS / 3, LIMIT_MS / 3, LIMIT_MS):
+            self._dropped = False
+            try:
+                self.page.goto(f"{self._url}/?{query}")
+                self.wait("__view.ready", limit_ms)
+                return
+            except Exception:  # playwright's own class, which is not there where it is not installed
+                # The browser may have given up all files of the page, and with them what loads it again.
+                if limit_ms == LIMIT_MS or not self._dropped:
+                    raise
 
     def _note(self, text: str) -> None:
-        if not any(remark in text for remark in DRIVER_REMARKS):
+        self._dropped |= DROPPED in text
+        if not any(remark in text for remark in REMARKS):
             self.said.append(text)
 
-    def wait(self, expression: str) -> Any:
+    def wait(self, expression: str, limit_ms: float = LIMIT_MS) -> Any:
         """Wait until an expression about ``__view`` is true; its value."""
-        return self.page.wait_for_function(f"window.__view && ({expression})", timeout=LIMIT_MS).json_value()
+        return self.page.wait_for_function(f"window.__view && ({expression})", timeout=limit_ms).json_value()
 
     def get(self, expression: str) -> Any:
         """An expression's value."""
@@ -105,6 +121,7 @@ class Traffic:
         self._addresses = addresses
         self._stop = threading.Event()
         self.changes: dict[str, dict[str, Any]] = {}
+        self.batches = 0
         self.silent: set[str] = set()
         self._thread = threading.Thread(target=self._fly, daemon=True)
         self._thread.start()
@@ -119,6 +136,7 @@ class Traffic:
     def _send(self, time_s: float) -> None:
         heard = [a for a in self._addresses if a not in self.silent]
         self._sensor.send([self.report(address, time_s) for address in heard])
+        self.batches += 1
 
     def report(self, address: str, time_s: float) -> dict[str, Any]:
         """What is reported about an aircraft: each on its own meridian and level."""

@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 STATIC = ROOT / "service" / "aeroskein_service" / "web" / "static"
-SCRIPTS = sorted((STATIC / "js").glob("*.js"))
+SCRIPTS = [STATIC / "start.js", *sorted((STATIC / "js").glob("*.js"))]
 PAGES = [*SCRIPTS, *sorted((STATIC / "css").glob("*.css")), STATIC / "index.html"]
 # Names of XML kinds, which nobody fetches.
 NAMES = ("http://www.w3.org/2000/svg",)

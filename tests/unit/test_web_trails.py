@@ -13,7 +13,7 @@ from tests.web_samples import NOW_S, messages, records, tracks
 from aeroskein.points import Product
 from aeroskein_service.web.recorded import ENDED_S, HOLD_S, LiveRows, RecordedPicture
 from aeroskein_service.web.sensor_table import SensorTable
-from aeroskein_service.web.trails import POINT, POINTS, TrailStore
+from aeroskein_service.web.trails import POINT, POINTS, TrailStore, chosen_numbers
 
 
 def store(*lots: dict, epoch: int = 1000) -> TrailStore:
@@ -53,9 +53,16 @@ def test_trail_keeps_its_newest_points():
 def test_trails_of_a_box_go_back_so_many_seconds():
     made = store(*({"n": 2, "time_s": np.full(2, NOW_S + 4.0 * k), "lat_deg": [50.0, 10.0]} for k in range(6)))
     shown = records([50.0, 10.0], [11.5, 11.5], number=[123, 124])
-    trails = unpacked(made.packed(shown, (40.0, 0.0, 60.0, 20.0), 9.0, 100))
+    trails = unpacked(made.packed(chosen_numbers(shown, (40.0, 0.0, 60.0, 20.0)), 9.0, 100))
     assert {number: len(points) for number, points in trails.items()} == {123: 3}
     assert trails[123][0] == pytest.approx((50.0, 11.5))
+
+
+def test_trails_are_those_of_the_tracks_that_were_chosen():
+    shown = records([50.0, 10.0], [11.5, 11.5], number=[123, 124])
+    assert chosen_numbers(shown, None) == [123, 124]
+    assert chosen_numbers(shown, frozenset({124, 999})) == [124]
+    assert chosen_numbers(shown, (0.0, 0.0, 20.0, 20.0)) == [124]
 
 
 def test_trail_of_an_earlier_service_is_not_continued():

@@ -13,9 +13,8 @@ from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
-from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
 
 from aeroskein_service.codec import encode_message
 from aeroskein_service.messages import JSON
@@ -24,12 +23,13 @@ from aeroskein_service.web.doors import Doors, Headers
 from aeroskein_service.web.layers import LayerFiles
 from aeroskein_service.web.page_metrics import PageMetrics
 from aeroskein_service.web.source import Box, NotNowError, Source, UnknownTrackError
+from aeroskein_service.web.static_files import StaticFiles
 from aeroskein_service.web.visits import Visits
 
 __all__ = ["make_app"]
 
-STATIC: Final = Path(__file__).parent / "static"
 MOST_FOUND: Final = 20  # results of a search
+MOST_PICKED: Final = 100  # tracks whose trails are asked for by number
 MOST_TRAILS: Final = 2000  # tracks whose trails go out at a time: 1.2 MB
 LONGEST_TRAIL_S: Final = 3600.0
 LONGEST_TEXT: Final = 40
@@ -64,6 +64,7 @@ def make_app(
     doors = Doors(host, origins)
     visits = Visits(source, doors, viewers)
     details = _Details(source, LayerFiles(layers))
+    files = StaticFiles()
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
@@ -71,15 +72,12 @@ def make_app(
         yield
         await source.stop()
 
-    async def index(_request: Request) -> Response:
-        return FileResponse(STATIC / "index.html", headers={"cache-control": "no-cache"})
-
     return Starlette(
         lifespan=lifespan,
         middleware=[Middleware(Headers)],
         exception_handlers={HTTPException: _error},
         routes=[
-            Route("/", doors.guard(index)),
+            Route("/", doors.guard(files.index)),
             Route("/api/status", doors.guard(details.status)),
             Route("/api/history", doors.guard(details.history)),
             Route("/api/search", doors.guard(details.search)),
@@ -90,7 +88,7 @@ def make_app(
             Route("/api/layers/{number:int}", doors.guard(details.layer)),
             *health_routes(service_url, ready=details.not_ready, metrics=PageMetrics(visits).text),
             WebSocketRoute("/ws", visits.receive),
-            Mount("/static", _Files(directory=STATIC)),
+            Route("/static/{path:path}", files.file),
         ],
     )
 
@@ -100,15 +98,6 @@ async def _error(_request: Request, error: Exception) -> Response:
     return Response(
         msgspec.json.encode({"error": error.detail}), status_code=error.status_code, media_type="application/json"
     )
-
-
-class _Files(StaticFiles):
-    """The page's files; a browser asks each time whether they have changed, so that an update is never half seen."""
-
-    def file_response(self, *arguments: Any, **options: Any) -> Response:
-        response = super().file_response(*arguments, **options)
-        response.headers["cache-control"] = "no-cache"
-        return response
 
 
 class _Details:
@@ -151,7 +140,8 @@ class _Details:
 
     async def trails(self, request: Request) -> Response:
         seconds = _number(request, "seconds", 300.0, 1.0, LONGEST_TRAIL_S)
-        packed = self._source.trails(_box(request), seconds, MOST_TRAILS, _time(request))
+        of = _numbers(request) if "tracks" in request.query_params else _box(request)
+        packed = self._source.trails(of, seconds, MOST_TRAILS, _time(request))
         return Response(packed, media_type="application/octet-stream")
 
     async def layers(self, _request: Request) -> Response:
@@ -190,6 +180,13 @@ def _number(request: Request, name: str, otherwise: float, low: float, high: flo
     if not low <= value <= high:
         raise HTTPException(400, f"{name}: expected a number from {low:g} to {high:g}")
     return value
+
+
+def _numbers(request: Request) -> frozenset[int]:
+    parts = request.query_params["tracks"].split(",")
+    if len(parts) > MOST_PICKED or not all(part.isascii() and part.isdigit() and len(part) < 11 for part in parts):
+        raise HTTPException(400, f"tracks: expected up to {MOST_PICKED} track numbers")
+    return frozenset(map(int, parts))
 
 
 def _box(request: Request) -> Box | None:

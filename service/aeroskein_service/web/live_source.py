@@ -22,7 +22,7 @@ from aeroskein_service.web.requests import Play, Seek
 from aeroskein_service.web.sensor_table import SensorTable
 from aeroskein_service.web.service_watch import ServiceWatch
 from aeroskein_service.web.source import Box, NotNowError, Picture, UnknownTrackError
-from aeroskein_service.web.trails import TrailStore
+from aeroskein_service.web.trails import TrailStore, chosen_numbers
 from aeroskein_service.web.waiting_reports import place_reports
 
 __all__ = ["LiveSource"]
@@ -190,9 +190,9 @@ class LiveSource:
             raise UnknownTrackError(f"there is no track {label} now")
         return {"point": point, "trail": self.trail_store.of_track(point.track_number)}
 
-    def trails(self, box: Box | None, seconds: float, most: int, at_s: float | None) -> bytes:
-        """Where the tracks in a box have been."""
-        return self.trail_store.packed(self._shown.records, box, seconds, most)
+    def trails(self, of: Box | frozenset[int] | None, seconds: float, most: int, at_s: float | None) -> bytes:
+        """Where the tracks in a box, or those of some numbers, or all have been."""
+        return self.trail_store.packed(chosen_numbers(self._shown.records, of), seconds, most)
 
     async def elements(self, label: str, at_s: float | None) -> dict[str, Any]:
         """The last elements of a track, as the service tells them."""

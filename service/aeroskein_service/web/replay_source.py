@@ -17,13 +17,12 @@ from aeroskein_service.web.records import (
     UNKNOWN_ANGLE,
     UNKNOWN_MODE_A,
     UNKNOWN_RATE,
-    in_box,
     record_label,
 )
 from aeroskein_service.web.requests import Play, Seek
 from aeroskein_service.web.sensor_table import SensorTable
 from aeroskein_service.web.source import Box, Picture, UnknownTrackError
-from aeroskein_service.web.trails import pack_trails, trail_columns
+from aeroskein_service.web.trails import chosen_numbers, pack_trails, trail_columns
 
 __all__ = ["ElementsAt", "ReplaySource"]
 
@@ -160,13 +159,11 @@ class ReplaySource:
             "flags": [name for bit, name in enumerate(FLAG_NAMES) if int(record["flags"]) >> bit & 1],
         }
 
-    def trails(self, box: Box | None, seconds: float, most: int, at_s: float | None) -> bytes:
-        """Where the tracks in a box have been before that instant."""
+    def trails(self, of: Box | frozenset[int] | None, seconds: float, most: int, at_s: float | None) -> bytes:
+        """Where the tracks in a box, or those of some numbers, or all have been before that instant."""
         when_s = self._at(at_s)
-        records = self.picture.at(when_s)
-        records = records if box is None else records[in_box(records, box)]
         trails = []
-        for number in records["number"][:most].tolist():
+        for number in chosen_numbers(self.picture.at(when_s), of)[:most]:
             track = self.picture.track_of(number, when_s)
             points = None if track is None else self.picture.trail(track, when_s, seconds)
             if points is not None and len(points):

@@ -77,8 +77,8 @@ class Source(Protocol):
         """The newest point of a track and the way it came. Raises ``UnknownTrackError``."""
         ...
 
-    def trails(self, box: Box | None, seconds: float, most: int, at_s: float | None) -> bytes:
-        """Where the tracks in a box have been."""
+    def trails(self, of: Box | frozenset[int] | None, seconds: float, most: int, at_s: float | None) -> bytes:
+        """Where the tracks in a box, or those of some numbers, or all have been."""
         ...
 
     async def elements(self, label: str, at_s: float | None) -> dict[str, Any]:

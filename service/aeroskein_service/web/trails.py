@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Any, Final
 
 import msgspec
@@ -23,7 +23,7 @@ from aeroskein_service.web.records import Records, in_box, largest_sigma
 from aeroskein_service.web.sensor_table import SensorTable
 from aeroskein_service.web.source import Box
 
-__all__ = ["POINT", "TrailStore", "pack_trails", "trail_columns"]
+__all__ = ["POINT", "TrailStore", "chosen_numbers", "pack_trails", "trail_columns"]
 
 MESSAGES: Final = 20_000
 POINTS: Final = 75  # of each track
@@ -230,11 +230,10 @@ class TrailStore:
         slot = self._slot_of.get(number)
         return trail_columns(np.zeros(0, dtype=POINT) if slot is None else self._points(slot))
 
-    def packed(self, records: Records, box: Box | None, seconds: float, most: int) -> bytes:
-        """The trails of the tracks in a box, see ``pack_trails``."""
-        inside = records if box is None else records[in_box(records, box)]
+    def packed(self, numbers: Iterable[int], seconds: float, most: int) -> bytes:
+        """The trails of some tracks, see ``pack_trails``."""
         trails = []
-        for number in inside["number"].tolist():
+        for number in numbers:
             slot = self._slot_of.get(number)
             if slot is None:
                 continue
@@ -245,6 +244,12 @@ class TrailStore:
             if len(trails) >= most:
                 break
         return pack_trails(trails)
+
+
+def chosen_numbers(records: Records, of: Box | frozenset[int] | None) -> list[int]:
+    """The numbers of the tracks in a box, of those of some numbers that are there, or of all."""
+    numbers: list[int] = (records[in_box(records, of)] if isinstance(of, tuple) else records)["number"].tolist()
+    return [number for number in numbers if number in of] if isinstance(of, frozenset) else numbers
 
 
 def trail_columns(points: Points) -> dict[str, list[Any]]:

@@ -3,6 +3,7 @@
 // It changes only when the view or a setting does, so it has a canvas of its own and costs nothing while aircraft move.
 // Drawn with the 2D canvas, which fills land; while the map is being moved a coarser level keeps it quick.
 
+import { ask } from "./asking.js";
 import { drawGrid } from "./grid.js";
 import { drawUserLayers } from "./geojson.js";
 import { BORDER, COAST, levelFor, readMap } from "./map_file.js";
@@ -22,7 +23,7 @@ export class BaseLayer {
   }
 
   async load(url) {
-    const response = await fetch(url);
+    const response = await ask(url);
     if (!response.ok) throw new Error(`the map cannot be loaded: ${response.status}`);
     this._map = readMap(await response.arrayBuffer());
   }

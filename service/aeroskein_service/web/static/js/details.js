@@ -1,5 +1,6 @@
 // The panel about the selected aircraft: who it is, where, how well that is known, and which sensors say so.
 
+import { ask } from "./asking.js";
 import { h, facts, panelHead, refill } from "./dom.js";
 import { FLAG } from "./frame.js";
 import * as format from "./format.js";
@@ -49,7 +50,7 @@ export class Details {
 
   async _ask(label) {
     try {
-      const response = await fetch(`/api/track/${encodeURIComponent(label)}${this._actions.atQuery()}`);
+      const response = await ask(`/api/track/${encodeURIComponent(label)}${this._actions.atQuery()}`);
       const whole = response.ok ? await response.json() : null;
       if (label === this.label) this.whole = whole;
     } catch {

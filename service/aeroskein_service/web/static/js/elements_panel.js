@@ -1,5 +1,6 @@
 // The element view: how the position of the selected aircraft was made, told as a drawing, a story and charts.
 
+import { ask } from "./asking.js";
 import { ElementHistory, makeScene } from "./elements_data.js";
 import { ElementsCanvas, describe } from "./elements_canvas.js";
 import { ElementsCharts } from "./elements_charts.js";
@@ -165,7 +166,7 @@ export class ElementsPanel {
     this._askedAt = now;
     const track = this._settings.primary;
     try {
-      const response = await fetch(`/api/elements/${encodeURIComponent(track)}${this._actions.atQuery()}`);
+      const response = await ask(`/api/elements/${encodeURIComponent(track)}${this._actions.atQuery()}`);
       const answer = await response.json().catch(() => ({}));
       if (track !== this._history.track) return;
       if (response.ok) this._history.take(answer);

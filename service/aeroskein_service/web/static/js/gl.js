@@ -22,12 +22,11 @@ export function makeProgram(gl, vertex, fragment) {
 }
 
 // Attributes of an interleaved buffer: `[location, size, type, normalised, offset]` each.
-export function bindAttributes(gl, buffer, stride, attributes, divisor) {
+export function bindAttributes(gl, buffer, stride, attributes) {
   gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
   for (const [location, size, type, normalised, offset] of attributes) {
     gl.enableVertexAttribArray(location);
     gl.vertexAttribPointer(location, size, type, normalised, stride, offset);
-    gl.vertexAttribDivisor(location, divisor);
   }
 }
 

@@ -25,18 +25,18 @@ export class Labels {
   constructor(context, settings) {
     this._context = context;
     this._settings = settings;
-    this._places = new Map(); // direction by track number, kept from one placing to the next
+    this._places = new Map(); // by track number, kept from one placing to the next: direction, and the row it had
     this._placed = [];
     this.drawn = 0;
     this.wanted = 0;
   }
 
   // Find places for the labels of this frame. `marked` are rows that come first, `kept` are boxes that stay free.
-  place(traffic, view, moved, marked, kept) {
+  place(traffic, view, marked, kept) {
     const frame = traffic.frame;
     const raster = new Raster(view.width, view.height);
     for (const [x, y, w, h] of kept) raster.take(x, y, w, h);
-    const ranks = this._ranked(traffic, view, moved, marked, raster);
+    const ranks = this._ranked(traffic, view, marked, raster);
     const places = new Map();
     this._placed = [];
     let tries = 0;
@@ -44,27 +44,32 @@ export class Labels {
       if (row.rank > 1 && (this._placed.length >= this._settings.density || tries++ > TRIES * this._settings.density)) break;
       const block = this._block(traffic, row, raster);
       if (!block) continue;
-      places.set(frame.number(row.i), block.direction);
+      places.set(frame.number(row.i), block);
       this._placed.push(block);
     }
     this._places = places;
   }
 
   // What wants a label, by importance; every symbol takes its place on the raster.
-  _ranked(traffic, view, moved, marked, raster) {
-    const frame = traffic.frame, ranks = [[], [], [], []], all = this._settings.labels > 0;
-    const at = { x: 0, y: 0 };
+  _ranked(traffic, view, marked, raster) {
+    const { frame, sx, sy, passes } = traffic, right = view.width + 20, bottom = view.height + 20;
+    const ranks = [[], [], [], []], all = this._settings.labels > 0, most = TRIES * this._settings.density;
+    const before = rowsOf(this._places, frame), emergencies = new Set(traffic.emergencies);
     this.wanted = 0;
     for (let i = 0; i < frame.count; i++) {
-      traffic.screen(view, i, moved, at);
-      if (at.x < -20 || at.y < -20 || at.x > view.width + 20 || at.y > view.height + 20) continue;
-      raster.mark(at.x, at.y);
-      const rank = marked.has(i) ? 0 : frame.emergency(i) ? 1 : !all || !traffic.passes[i] ? -1 : this._places.has(frame.number(i)) ? 2 : 3;
-      if (rank < 0) continue;
+      const x = sx[i], y = sy[i];
+      if (x < -20 || y < -20 || x > right || y > bottom) continue;
+      raster.mark(x, y);
+      if (!all || !passes[i]) continue;
       this.wanted += 1;
       // Of those without a place so far only as many are kept as may be tried.
-      if (rank < 3 || ranks[3].length < TRIES * this._settings.density) ranks[rank].push({ i, x: at.x, y: at.y, rank });
+      if (ranks[3].length < most && !before.has(i) && !marked.has(i) && !emergencies.has(i)) ranks[3].push({ i, x, y, rank: 3 });
     }
+    const inView = (i) => sx[i] >= -20 && sy[i] >= -20 && sx[i] <= right && sy[i] <= bottom;
+    const add = (rows, rank) => rows.forEach((i) => inView(i) && ranks[rank].push({ i, x: sx[i], y: sy[i], rank }));
+    add(marked, 0);
+    add(traffic.emergencies.filter((i) => !marked.has(i)), 1);
+    if (all) add([...before].filter((i) => passes[i] && !marked.has(i) && !emergencies.has(i)), 2);
     return ranks;
   }
 
@@ -72,7 +77,7 @@ export class Labels {
     const detail = row.rank <= 1 ? 2 : this._settings.labels;
     const lines = dataBlock(traffic.frame, row.i, detail, this._settings);
     const width = lines.reduce((most, line) => Math.max(most, line.length), 0) * CHAR_PX, height = lines.length * LINE_PX;
-    const before = this._places.get(traffic.frame.number(row.i)) ?? 0;
+    const before = this._places.get(traffic.frame.number(row.i))?.direction ?? 0;
     let found = -1;
     for (let k = -1; k < DIRECTIONS.length; k++) {
       const direction = k < 0 ? before : k;
@@ -91,15 +96,14 @@ export class Labels {
     return { i: row.i, lines, width, height, direction, rank: row.rank };
   }
 
-  draw(traffic, view, moved, colours, palette) {
+  draw(traffic, colours, palette) {
     const context = this._context, frame = traffic.frame;
     context.font = FONT;
     context.textBaseline = "top";
     this.drawn = 0;
     for (const block of this._placed) {
       if (block.i >= frame.count) continue;
-      const [mx, my] = traffic.at(block.i, moved);
-      const x = view.screenX(mx), y = view.screenY(my);
+      const x = traffic.sx[block.i], y = traffic.sy[block.i];
       const offset = blockOffset(block.direction, block.width, block.height);
       const left = x + offset.x, top = y + offset.y;
       const emergency = frame.emergency(block.i);
@@ -127,15 +131,25 @@ export class Labels {
   }
 
   // The row whose label lies under a point of the screen, -1 where there is none.
-  at(traffic, view, moved, px, py) {
+  at(traffic, px, py) {
     for (const block of this._placed) {
-      const [mx, my] = traffic.at(block.i, moved);
       const offset = blockOffset(block.direction, block.width, block.height);
-      const left = view.screenX(mx) + offset.x, top = view.screenY(my) + offset.y;
+      const left = traffic.sx[block.i] + offset.x, top = traffic.sy[block.i] + offset.y;
       if (px >= left && px <= left + block.width && py >= top && py <= top + block.height) return block.i;
     }
     return -1;
   }
+}
+
+// The rows of tracks by number: most have the row that they had, for rows keep their order while tracks stay.
+function rowsOf(places, frame) {
+  const rows = new Set(), gone = new Set();
+  for (const [number, { i }] of places) {
+    if (i < frame.count && frame.number(i) === number) rows.add(i);
+    else gone.add(number);
+  }
+  for (let i = 0; gone.size > 0 && i < frame.count; i++) if (gone.delete(frame.number(i))) rows.add(i);
+  return rows;
 }
 
 function blockOffset(direction, width, height) {
@@ -177,9 +191,9 @@ class Raster {
     return x >= 0 && y >= 0 && x + w <= this._width && y + h <= this._height;
   }
 
-  // The place of a symbol.
+  // The place of a symbol, no more than `EDGE` cells beyond the edge.
   mark(x, y) {
-    this._taken[this._row(y) * this._columns + this._column(x)] = 1;
+    this._taken[((y / CELL_PX + EDGE) | 0) * this._columns + ((x / CELL_PX + EDGE) | 0)] = 1;
   }
 
   free(x, y, w, h) {

@@ -110,8 +110,7 @@ function afterFrame(frame, now) {
   details.update(now);
   panels.frame(frame, now);
   const box = frame.count < frame.total || frame.total > 1500 ? view.box() : null;
-  const trails = stage.trailsOf;
-  stage.trails.refresh(now, trails, trails === "all" ? box ?? view.box() : null, settings.trailtime, actions.at(), () => stage.invalidate());
+  stage.trails.refresh(now, stage.trailNumbers(), box ?? view.box(), settings.trailtime, actions.at(), () => stage.invalidate());
   judge();
 }
 

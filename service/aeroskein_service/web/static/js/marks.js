@@ -6,19 +6,16 @@ import { inverse } from "./projection.js";
 const RING_PX = 11;
 const EDGE_PX = 22; // of an arrow from the edge of the map
 
-export function drawMarks(context, stage, view, moved, colours) {
-  const traffic = stage.traffic, frame = traffic.frame;
-  const selected = stage.selectedRows();
-  for (let i = 0; i < frame.count; i++) {
-    const emergency = frame.emergency(i);
-    if (!emergency && !selected.has(i) && i !== stage.hover) continue;
-    const [mx, my] = traffic.at(i, moved);
-    const x = view.screenX(mx), y = view.screenY(my);
+export function drawMarks(context, stage, view, colours) {
+  const traffic = stage.traffic, selected = stage.selectedRows(), emergencies = new Set(traffic.emergencies);
+  const marked = new Set([...emergencies, ...selected, ...(stage.hover >= 0 ? [stage.hover] : [])]);
+  for (const i of marked) {
+    const emergency = emergencies.has(i), x = traffic.sx[i], y = traffic.sy[i];
     const outside = x < 0 || y < 0 || x > view.width || y > view.height;
     context.strokeStyle = emergency ? colours.emergency : selected.has(i) ? colours.selected : colours.faint;
     context.lineWidth = emergency ? 2.5 : 2;
     if (!outside) ringAt(context, x, y, emergency ? RING_PX + 3 : RING_PX);
-    else if (emergency) arrow(context, view, x, y, frame.name(i), colours);
+    else if (emergency) arrow(context, view, x, y, traffic.frame.name(i), colours);
   }
   if (stage.ruler) drawRuler(context, stage, view, colours);
 }

@@ -1,5 +1,6 @@
 // The panel that says what is drawn and how; and the user's own map layers.
 
+import { ask } from "./asking.js";
 import { h, panelHead } from "./dom.js";
 import { bare, checkbox, choice, entry, syncFields } from "./fields.js";
 import { readLayer } from "./geojson.js";
@@ -57,8 +58,8 @@ export class DisplayPanel {
 
   async _loadServerLayers() {
     try {
-      const { layers } = await (await fetch("/api/layers")).json();
-      for (const [number, name] of layers.entries()) this._add(name, await (await fetch(`/api/layers/${number}`)).json());
+      const { layers } = await (await ask("/api/layers")).json();
+      for (const [number, name] of layers.entries()) this._add(name, await (await ask(`/api/layers/${number}`)).json());
     } catch (error) {
       this._state.faults.push(`layers: ${error}`);
     }

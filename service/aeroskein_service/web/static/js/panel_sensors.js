@@ -1,5 +1,6 @@
 // Sensors and service: rates, ages, registration with its history, rejects by reason, inbox depth, time of every stage.
 
+import { ask } from "./asking.js";
 import { drawChart } from "./charts.js";
 import { sensorColour } from "./colours.js";
 import { facts, h, panelHead, refill } from "./dom.js";
@@ -37,7 +38,7 @@ export class SensorsPanel {
     if (now - this._askedAt > HISTORY_MS) {
       this._askedAt = now;
       try {
-        const response = await fetch("/api/history");
+        const response = await ask("/api/history");
         if (response.ok) this._history = await response.json();
       } catch {
         // The banner tells of a lost connection.

@@ -16,6 +16,7 @@ export function exposeView({ settings, view, stage, link, banner, details, state
     get count() { return stage.traffic.count; },
     get passed() { return stage.traffic.passed; },
     get bytes() { return stage.traffic.frame.bytes; },
+    get resting() { return !view.moving && !stage.waiting; }, // nothing is to be drawn but what time brings
     get draws() { return stage.draws; },
     get drawMs() { return stage.medianDraw(); },
     get parts() { return { ...stage.parts }; },

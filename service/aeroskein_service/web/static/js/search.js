@@ -1,5 +1,6 @@
 // The search box: by callsign, address, track number or code, over everything the server knows, not only what is in view.
 
+import { ask } from "./asking.js";
 import { h } from "./dom.js";
 
 const WAIT_MS = 150;
@@ -11,11 +12,12 @@ export class Search {
     this._select = select;
     this._atQuery = atQuery;
     this._found = [];
+    this._foundFor = ""; // the text that this was found for
     this._at = 0;
     this._timer = 0;
     this._input.addEventListener("input", () => this._soon());
     this._input.addEventListener("keydown", (event) => this._key(event));
-    this._input.addEventListener("blur", () => setTimeout(() => this._show([]), 150));
+    this._input.addEventListener("blur", () => setTimeout(() => document.activeElement !== this._input && this._show([]), 150));
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       this._take(this._at);
@@ -37,16 +39,17 @@ export class Search {
     if (!text) return this._show([]);
     try {
       const at = this._atQuery().replace("?", "&");
-      const response = await fetch(`/api/search?q=${encodeURIComponent(text)}${at}`);
-      if (response.ok && text === this._input.value.trim()) this._show((await response.json()).tracks);
+      const response = await ask(`/api/search?q=${encodeURIComponent(text)}${at}`);
+      if (response.ok && text === this._input.value.trim()) this._show((await response.json()).tracks, text);
     } catch {
       this._show([]);
     }
     return undefined;
   }
 
-  _show(found) {
+  _show(found, text = "") {
     this._found = found;
+    this._foundFor = text;
     this._at = 0;
     this._list.hidden = found.length === 0;
     this._list.replaceChildren(...found.map((track, k) =>
@@ -76,7 +79,8 @@ export class Search {
 
   async _take(k) {
     clearTimeout(this._timer);
-    if (!this._found.length) await this._ask();
+    // Who types quickly is ahead of what has been found so far.
+    if (this._foundFor !== this._input.value.trim()) await this._ask();
     const track = this._found[k];
     if (!track) return;
     this._show([]);

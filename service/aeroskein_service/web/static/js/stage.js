@@ -71,6 +71,11 @@ export class Stage {
     this.trails = new Trails(gl);
   }
 
+  // Whether something has changed that is not drawn yet; that aircraft move is no change.
+  get waiting() {
+    return Object.values(this._dirty).some(Boolean);
+  }
+
   onDrawn(listener) {
     this._onDrawn = listener;
   }
@@ -145,7 +150,8 @@ export class Stage {
     if (this._dirty.base) part("base", () => this._drawBase());
     if (this._dirty.style) part("style", () => this._restyle());
     part("traffic", () => this._drawTraffic(moved));
-    part("overlay", () => this._drawOverlay(moved, began));
+    part("project", () => this.traffic.project(this._view, moved));
+    part("overlay", () => this._drawOverlay(began));
     this._dirty = { base: this._dirty.again ?? false, style: false, labels: false, upload: false };
     const spent = performance.now() - began;
     this.times.push(spent);
@@ -177,31 +183,33 @@ export class Stage {
       gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
       gl.clearColor(0, 0, 0, 0);
       gl.clear(gl.COLOR_BUFFER_BIT);
-      if (this.trailsOf !== "none") {
-        this.trails.upload(traffic, traffic.reference, this.trailsOf === "selected" ? this.selectedNumbers() : null, moved);
+      const numbers = this.trailNumbers();
+      if (numbers?.size !== 0) {
+        this.trails.upload(traffic, numbers, moved);
         this.trails.draw(view, rgb(this.colours.trail));
       }
-      this._symbols.drawVectors(view, traffic.reference, moved, palette.palette, this._settings.vector);
-      this._symbols.draw(view, traffic.reference, moved, palette.palette, this.ratio);
+      this._symbols.drawVectors(view, traffic, moved, palette.palette, this._settings.vector);
+      this._symbols.draw(view, traffic, moved, palette.palette, this.ratio);
     } else {
       this._symbols.draw(view, traffic, moved, palette.texts, this.ratio, this._settings.vector);
     }
   }
 
-  _drawOverlay(moved, now) {
+  _drawOverlay(now) {
     const context = this._overlay, view = this._view;
     const marked = this.selectedRows();
     if (this.hover >= 0) marked.add(this.hover);
     if (this._dirty.labels || now - this._placedAt > PLACE_MS) {
-      this.labels.place(this.traffic, view, moved, marked, siteBoxes(view, this.sensors));
+      const start = performance.now();
+      this.labels.place(this.traffic, view, marked, siteBoxes(view, this.sensors));
       this._placedAt = now;
-      this.parts.place = performance.now() - now;
+      this.parts.place = performance.now() - start;
     }
     context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     context.clearRect(0, 0, view.width, view.height);
     this.elementOverlay?.(context, view, this.colours);
-    drawMarks(context, this, view, moved, this.colours);
-    this.labels.draw(this.traffic, view, moved, this.colours, this._trafficColours.texts);
+    drawMarks(context, this, view, this.colours);
+    this.labels.draw(this.traffic, this.colours, this._trafficColours.texts);
   }
 
   // Draw again when the fastest aircraft in view will have moved by most of a pixel.
@@ -209,16 +217,17 @@ export class Stage {
     clearTimeout(this._stepTimer);
     if (!this._settings.smooth || !this.traffic.frame.playing || document.hidden) return;
     const drawing = median(this.times.slice(-20));
-    const pixelsPerSecond = fastest(this.traffic, this._view) * this.traffic.frame.pace;
+    const pixelsPerSecond = this.traffic.fastestInView(this._view) * this.traffic.frame.pace;
     if (pixelsPerSecond < STEP_PX) return;
     const wait = Math.max((STEP_PX / pixelsPerSecond) * 1000, STEP_MIN_MS, drawing * 6);
     if (wait < 1000) this._stepTimer = setTimeout(() => this.invalidate(), wait);
   }
 
-  // Whose trails are shown: "none", "selected" or "all".
-  get trailsOf() {
-    const wanted = this._settings.trail;
-    return wanted !== "auto" ? wanted : this.traffic.frame.total <= FEW ? "all" : "selected";
+  // The numbers of those whose trails are shown, null for all.
+  trailNumbers() {
+    const wanted = this._settings.trail, auto = this.traffic.frame.total <= FEW ? "all" : "selected";
+    const which = wanted === "auto" ? auto : wanted;
+    return which === "all" ? null : which === "selected" ? this.selectedNumbers() : new Set();
   }
 
   // -- selection -----------------------------------------------------------------------------------------------------
@@ -237,9 +246,8 @@ export class Stage {
 
   // The aircraft or label under a point of the screen, -1 where there is none.
   pick(px, py) {
-    const moved = this.traffic.moved(performance.now());
-    const row = this.traffic.nearest(this._view, px, py, 14, moved);
-    return row >= 0 ? row : this.labels.at(this.traffic, this._view, moved, px, py);
+    const row = this.traffic.nearest(px, py, 14);
+    return row >= 0 ? row : this.labels.at(this.traffic, px, py);
   }
 
   medianDraw() {
@@ -251,17 +259,4 @@ function median(values) {
   if (values.length === 0) return 0;
   const sorted = [...values].sort((a, b) => a - b);
   return sorted[sorted.length >> 1];
-}
-
-// Pixels per second of the fastest aircraft in view.
-function fastest(traffic, view) {
-  let most = 0;
-  for (let i = 0; i < traffic.count; i++) {
-    const v = traffic.vx[i] * traffic.vx[i] + traffic.vy[i] * traffic.vy[i];
-    if (v > most) {
-      const x = view.screenX(traffic.x[i]), y = view.screenY(traffic.y[i]);
-      if (x > 0 && y > 0 && x < view.width && y < view.height) most = v;
-    }
-  }
-  return Math.sqrt(most) * view.scale;
 }

@@ -1,7 +1,8 @@
 // Aircraft as WebGL2 points: the shape says what a track rests on, the colour what the user has chosen.
 //
 // Circle: ADS-B and radar. Arrow head: ADS-B only. Square: radar only. Ring: coasted. Crossed diamond: suspect. Small:
-// not confirmed. Speed vectors are lines drawn from the same buffer, one instance per aircraft.
+// not confirmed. Speed vectors are lines of a buffer of their own, made where they are long enough to be seen: instances
+// of one line would need no buffer, but without a graphics card 20,000 of them take a third of a second.
 
 import { PALETTE_SIZE } from "./colours.js";
 import { PLACE, bindAttributes, makeProgram, setPlace } from "./gl.js";
@@ -49,10 +50,9 @@ layout(location=3) in uvec4 kind;
 uniform vec3 palette[${PALETTE_SIZE}]; uniform float seconds;
 out vec4 colour;
 void main() {
-  float t = ahead(age) + (gl_VertexID == 1 ? seconds : 0.0);
+  float t = ahead(age) + float(kind.w) * seconds;
   gl_Position = vec4(place(at + velocity * t), 0.0, 1.0);
-  float passes = float(kind.z);
-  colour = vec4(palette[kind.y], 1.0) * 0.75 * passes;
+  colour = vec4(palette[kind.y], 1.0) * 0.75;
 }`;
 
 const PLAIN = `
@@ -72,7 +72,9 @@ export class Symbols {
     this._points = makeProgram(gl, POINTS, SHAPES);
     this._vectors = makeProgram(gl, VECTORS, PLAIN);
     this._buffer = gl.createBuffer();
+    this._lines = gl.createBuffer();
     this._count = 0;
+    this._ends = 0; // vertices of the speed vectors, -1: to be made
   }
 
   upload(traffic, reference) {
@@ -80,33 +82,40 @@ export class Symbols {
     gl.bindBuffer(gl.ARRAY_BUFFER, this._buffer);
     gl.bufferData(gl.ARRAY_BUFFER, traffic.pack(reference), gl.DYNAMIC_DRAW);
     this._count = traffic.count;
+    this._ends = -1;
   }
 
-  _bind(divisor) {
+  _bind(buffer) {
     const gl = this._gl;
-    bindAttributes(gl, this._buffer, STRIDE, ATTRIBUTES(gl), divisor);
+    bindAttributes(gl, buffer, STRIDE, ATTRIBUTES(gl));
     gl.enableVertexAttribArray(3);
     gl.vertexAttribIPointer(3, 4, gl.UNSIGNED_BYTE, STRIDE, 20);
-    gl.vertexAttribDivisor(3, divisor);
   }
 
-  drawVectors(view, reference, moved, palette, seconds) {
-    if (!seconds || !this._count) return;
+  drawVectors(view, traffic, moved, palette, seconds) {
+    // What the symbols cover need not be drawn.
+    if (!this._count || seconds * traffic.fastest * view.scale < symbolSize(view.zoom) / 2) return;
     const gl = this._gl, { program, uniforms } = this._vectors;
     gl.useProgram(program);
-    this._bind(1);
-    setPlace(gl, uniforms, view, reference, moved);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this._lines);
+    if (this._ends < 0) {
+      const vertices = traffic.packVectors();
+      gl.bufferData(gl.ARRAY_BUFFER, vertices, gl.DYNAMIC_DRAW);
+      this._ends = vertices.byteLength / STRIDE;
+    }
+    this._bind(this._lines);
+    setPlace(gl, uniforms, view, traffic.reference, moved);
     gl.uniform3fv(uniforms.palette, palette);
     gl.uniform1f(uniforms.seconds, seconds);
-    gl.drawArraysInstanced(gl.LINES, 0, 2, this._count);
+    gl.drawArrays(gl.LINES, 0, this._ends);
   }
 
-  draw(view, reference, moved, palette, ratio) {
+  draw(view, traffic, moved, palette, ratio) {
     if (!this._count) return;
     const gl = this._gl, { program, uniforms } = this._points;
     gl.useProgram(program);
-    this._bind(0);
-    setPlace(gl, uniforms, view, reference, moved);
+    this._bind(this._buffer);
+    setPlace(gl, uniforms, view, traffic.reference, moved);
     gl.uniform3fv(uniforms.palette, palette);
     gl.uniform1f(uniforms.size, symbolSize(view.zoom) * ratio);
     gl.drawArrays(gl.POINTS, 0, this._count);

@@ -11,14 +11,13 @@ export class FlatSymbols {
 
   upload() {} // everything is at hand in the traffic itself
 
-  draw(view, traffic, moved, texts, ratio, seconds) {
+  draw(view, traffic, _moved, texts, ratio, seconds) {
     const context = this._context, frame = traffic.frame;
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, view.width, view.height);
     const size = symbolSize(view.zoom) / 2;
     for (let i = 0; i < traffic.count; i++) {
-      const [mx, my] = traffic.at(i, moved);
-      const x = view.screenX(mx), y = view.screenY(my);
+      const x = traffic.sx[i], y = traffic.sy[i];
       if (x < -20 || y < -20 || x > view.width + 20 || y > view.height + 20) continue;
       context.strokeStyle = context.fillStyle = texts[traffic.colour[i]];
       if (seconds && traffic.passes[i]) {
