@@ -99,9 +99,8 @@ def test_page_without_a_router_says_what_it_waits_for(browser, tmp_path):
     with Process(tmp_path, "web", "--config", config, "--listen", http) as web:
         web.wait_for_err("the page is at")
         shown = Page(browser, f"http://{http}")
-        banner = shown.wait("__view.banner.text.includes('Zenoh router') && __view.banner")
-        assert banner["kind"] == "frozen"
-        assert endpoint in banner["text"]
+        waits = f"__view.banner.text.includes('Zenoh router at {endpoint}')"
+        assert shown.wait(f"{waits} && __view.banner.kind") == "frozen"
         # When the router comes up
         with Router(listen=[endpoint]):
             shown.wait("__view.banner.text.includes('No fusion service')")
