@@ -28,9 +28,12 @@ __all__ = ["ElementTable"]
 # Reports up to this much behind the look-ahead's end stay open to revision: the density of jerk at a report depends
 # on the four seconds behind it, and late reports up to four seconds must find their place. [s]
 REVISION_S: Final = 4.0
-# The window over which a manoeuvre detected somewhere counts: it began before it showed. [s]
+# The window over which a manoeuvre detected somewhere counts: it began before it showed, that is before four seconds of
+# reports, or, where they are rare, before four reports (and marks) within the longer time. [s]
 BEFORE_S: Final = 1.0
 AFTER_S: Final = 4.0
+AFTER_REPORTS: Final = 4
+AFTER_MOST_S: Final = 16.0
 # Sources faster than this allow the set element length; without any, elements are twice as long. [s]
 FAST_PERIOD_S: Final = 4.0
 
@@ -192,15 +195,14 @@ def _keep_density(rings: Rings, slots: Ints, window: Window) -> None:
 
 
 def _windowed_max(window: Window) -> Array:
-    """For each event the largest density from one second before to four seconds after it, ``(K, n)``. [m²/s⁵]"""
+    """For each event the largest density from just before it until a manoeuvre must have shown, ``(K, n)``. [m²/s⁵]"""
     time = window.time_s
     density = np.where(window.kind == REPORT, window.jerk_density, 0.0)
     K = len(time)
     largest = np.maximum(density, manoeuvre.JERK_DENSITY[0])
-    # ``later`` counts for an event up to AFTER_S before it, ``earlier`` for one up to BEFORE_S behind it.
     for shift in range(1, K):
         apart = time[shift:] - time[:-shift]
-        ahead, behind = apart <= AFTER_S, apart <= BEFORE_S
+        ahead, behind = apart <= (AFTER_MOST_S if shift <= AFTER_REPORTS else AFTER_S), apart <= BEFORE_S
         if not ahead.any():
             break
         np.maximum(largest[:-shift], np.where(ahead, density[shift:], 0.0), out=largest[:-shift])
