@@ -66,6 +66,8 @@ class Closed:
         State at the centre, and what became of each report.
     window : Window
         The reports, lanes in the order of ``slots``.
+    before : (4, n)
+        The places of the two elements before, the older one first; NaN where there is none. [m]
     """
 
     slots: Ints
@@ -74,6 +76,7 @@ class Closed:
     centre_s: Array
     estimate: Estimate
     window: Window
+    before: Array
 
     def in_span(self) -> Bools:
         """Which reports lie in the element itself, ``(K, n)``."""

@@ -42,7 +42,8 @@ class ElementTable:
     """Open elements of all tracks, columns by slot.
 
     ``boundaries_s (capacity, lookahead + 2)`` holds the division points from the start of the open element to the end
-    of its look-ahead; ``settled_s``, ``x``, ``P`` the settled state; ``index`` counts elements.
+    of its look-ahead; ``settled_s``, ``x``, ``P`` the settled state; ``index`` counts elements; ``places_m (capacity,
+    4)`` holds where the last two were published, the older one first.
     """
 
     def __init__(self, settings: EngineSettings, capacity: int) -> None:
@@ -56,13 +57,14 @@ class ElementTable:
         self.settled_s = np.full(capacity, -np.inf)
         self.index: Ints = np.zeros(capacity, dtype=np.int64)
         self.states = np.zeros((capacity, 30))
+        self.places_m = np.full((capacity, 4), np.nan)
         self.gates = GateMemory.empty(capacity, sensors)
         self.detector = ModeBank(capacity, sensors, manoeuvre.DETECTOR)
 
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""
         more = ElementTable(self._settings, capacity - len(self.open))
-        for name in ("open", "boundaries_s", "settled_s", "index", "states"):
+        for name in ("open", "boundaries_s", "settled_s", "index", "states", "places_m"):
             setattr(self, name, np.concatenate([getattr(self, name), getattr(more, name)]))
         self.gates = GateMemory(
             np.concatenate([self.gates.misses, more.gates.misses]),
@@ -87,6 +89,7 @@ class ElementTable:
         self.boundaries_s[slots] = start_s[:, None] + self._first_boundaries_s()
         self.settled_s[slots] = first_s
         self.index[slots] = 0
+        self.places_m[slots] = np.nan
         self.states[slots] = np.concatenate([x, P]).T
         self.gates.put(slots, GateMemory.empty(len(slots), self.gates.misses.shape[1]))
         self.detector.start(slots, x, P, first_s)
@@ -132,10 +135,15 @@ class ElementTable:
         _keep_density(rings, slots, window)
         states = np.ascontiguousarray(self.states[slots].T)
         result = estimate(window, _windowed_max(window), states[:6], states[6:], settled[order], self.gates.take(slots))
-        closed = Closed(slots, self.index[slots], boundaries[:, :2], centre, result, window)
+        before = self.places_m[slots].T
+        closed = Closed(slots, self.index[slots], boundaries[:, :2], centre, result, window, before)
         self._settle(slots, next_settled[order], result)
         self._divide(slots, boundaries, window, result)
         return closed
+
+    def note_published(self, slots: Ints, position_m: Array) -> None:
+        """Remember where the elements that were closed last ``(2, n)`` are shown."""
+        self.places_m[slots] = np.concatenate([self.places_m[slots, 2:], position_m.T], axis=1)
 
     def _detect(self, slots: Ints, window: Window) -> None:
         """Run the detector over reports it has not seen, and note the density of jerk that it finds at each.

@@ -243,6 +243,7 @@ class FusionEngine:
         closed = state.elements.close(slots, state.buffers.rows)
         self._clock.lap("estimate", len(slots))
         fused = fusion.fuse(closed, self.settings)
+        state.elements.note_published(closed.slots, fused.position_m)
         window = closed.window
         accepted = window.reported & (window.time_s < closed.span_s[:, 1:].T) & (closed.estimate.reason == 0)
         master = state.masters.choose(

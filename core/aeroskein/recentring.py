@@ -80,6 +80,10 @@ def _move_elements(elements: ElementTable, slots: Ints, old: Array, new: Array, 
     _move_state(states[:6], old, new, turn)
     states[6:] = _turned(turn, states[6:])
     elements.states[slots] = states.T
+    places = elements.places_m[slots]
+    for k in (0, 2):
+        places[:, k], places[:, k + 1], _ = geodesy.move_frame(old, new, places[:, k], places[:, k + 1])
+    elements.places_m[slots] = places
 
 
 def _move_reports(rings: Rings, slots: Ints, old: Array, new: Array, turn: Array) -> None:

@@ -11,7 +11,7 @@ from tests.builders import ADSB, RADAR1, measurements
 
 from aeroskein.buffers import ReportBuffers
 from aeroskein.closed import Closed, Estimate
-from aeroskein.fusion import Fused, fuse
+from aeroskein.fusion import Fused, fuse, turns_back
 from aeroskein.gating import GateMemory
 from aeroskein.reasons import Reason
 from aeroskein.settings import EngineSettings, FusionSettings, PatentSettings
@@ -38,6 +38,7 @@ def closed(
     refused: tuple[int, ...] = (),
     sigmas: float = 1.0,
     filtered: tuple[float, ...] | None = None,
+    before: tuple[float, ...] = (np.nan,) * 4,
     **columns: object,
 ) -> Closed:
     """An element from 100 to 104 s; reports in order of time, those of the given numbers refused as outliers.
@@ -62,7 +63,9 @@ def closed(
     e = Estimate(
         state, P[None], forward, covariance, state, covariance, GateMemory.empty(1, 2), reason, width, distance2
     )
-    return Closed(np.array([0]), np.array([5]), np.array([[START_S, END_S]]), centre, e, window)
+    return Closed(
+        np.array([0]), np.array([5]), np.array([[START_S, END_S]]), centre, e, window, np.array(before)[:, None]
+    )
 
 
 def place(fused: Fused) -> tuple[float, float]:
@@ -109,6 +112,26 @@ def test_reports_that_surprise_on_average_hold_the_smoothed_state_back() -> None
     assert not beside(0.0, sigmas=2.9).guarded.any()
     # Refused reports say nothing of the state, and two do not make an average.
     assert not beside(0.0, sigmas=3.1, refused=(0, 1, 2, 3, 4)).guarded.any()
+
+
+@pytest.mark.parametrize(("filtered_east_m", "guarded"), [(-40.0, True), (-1200.0, False)])
+def test_a_smoothed_place_that_makes_the_track_turn_back_is_held_back(filtered_east_m: float, guarded: bool) -> None:
+    before = (-1700.0, 0.0, -900.0, 0.0)  # eight hundred metres to the east, then two hundred back
+
+    fused = fuse(
+        closed([], (-1100.0, 20.0, 200.0, 0.0, 0.0, 0.0), filtered=(filtered_east_m, *FILTERED[1:]), before=before),
+        modes("information"),
+    )
+
+    # Where the filtered place turns back too, nothing is gained by it.
+    assert fused.guarded.tolist() == [guarded]
+    assert place(fused)[0] == (filtered_east_m if guarded else -1100.0)
+
+
+def test_no_spike_is_seen_in_a_turn_in_noise_or_at_the_beginning() -> None:
+    before = np.array([[0.0, 0.0, 800.0, 0.0], [0.0, 0.0, 8.0, 0.0], [np.nan, np.nan, 0.0, 0.0]]).T
+
+    assert not turns_back(before, np.array([[300.0, 400.0], [0.0, 0.0], [-500.0, 0.0]]).T).any()
 
 
 @pytest.mark.parametrize("mode", ["information", "weighted", "patent"])
