@@ -103,7 +103,7 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 }
 
 /* Given by the caller, so that they stand in one place only. */
-static double RATES[3][3], JERK[3], STEADY, WANDER, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
+static double RATES[3][3], JERK[3], STEADY, HELD, WANDER, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
 static double SMALL, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
 static int TURNS;
 
@@ -113,7 +113,7 @@ void configure(const double *rates, const double *jerk, const double *rest) {
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
     TURNS = rest[11] > 0.0; SMALL = rest[12]; WANDER = rest[13]; LEAST_TURN = rest[14]; LEAST_UPDATE = rest[15];
-    MOST_UPDATE = rest[16];
+    MOST_UPDATE = rest[16]; HELD = rest[17];
     DOUBT = SIGMAS * SIGMAS;
 }
 
@@ -324,7 +324,8 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         }
         for (int m = 0; m < 1 + TURNS; m++) for (int i = 0; i < 2; i++) EACH {
             V *P = C[m];
-            double q = (m ? WANDER : STEADY) * H[l];
+            int hovers = X[0][2][l] * X[0][2][l] + X[0][3][l] * X[0][3][l] < HOVER * HOVER;
+            double q = (m ? WANDER : hovers ? HELD : STEADY) * H[l];
             P11(i, i)[l] += q * H[l] * H[l] / 3.0; P12(i, i)[l] += q * H[l] / 2.0; P22(i, i)[l] += q;
             if (m == 0) P33(i, i)[l] += 1e-4;
         }

@@ -37,8 +37,9 @@ class ModelSet:
         Transition rates, row = from, column = to. [1/s]
     jerk : (3,) array
         Density of white jerk on both axes; across the flight only where the second model is a turn. [m²/s⁵]
-    steady, wander : float
-        Density of white acceleration of the first model; of the second, where that is a turn. [m²/s³]
+    steady, held, wander : float
+        Density of white acceleration of the first model, in flight and while it hovers; of the second, where that is a
+        turn. [m²/s³]
     turns : bool
         Whether the second model is a turn at constant speed instead of a manoeuvre of any kind.
     """
@@ -46,6 +47,7 @@ class ModelSet:
     rates: Array
     jerk: Array
     steady: float
+    held: float
     wander: float
     turns: bool
 
@@ -56,19 +58,24 @@ DETECTOR: Final = ModelSet(
     rates=np.array([[0.0, 0.004, 0.012], [0.01, 0.0, 0.03], [0.05, 0.15, 0.0]]),
     jerk=np.array([0.0, 0.2**2, 2.0**2]),
     steady=STEADY_ACCELERATION_DENSITY,
+    held=STEADY_ACCELERATION_DENSITY,
     wander=0.0,
     turns=False,
 )
 # Turn at constant speed: the bank that makes 3 degrees a second at 130 m/s comes and goes within five seconds, that is
 # 1.4 m/s³, and stays in between. Change of speed: thrust takes seconds to come, 0.3 m/s³, and the flight is straight or
-# nearly so. A turn begins every five minutes and lasts one or two, a change of speed every quarter of an hour.
+# nearly so. A turn begins every five minutes, a change of speed every quarter of an hour; they last minutes and end by
+# rolling out, which their own noise allows, rather than at once. Who hovers is held in place.
 LIVE: Final = ModelSet(
-    rates=np.array([[0.0, 0.003, 0.001], [0.01, 0.0, 0.001], [0.025, 0.025, 0.0]]),
+    rates=np.array([[0.0, 0.003, 0.001], [0.005, 0.0, 0.001], [0.0125, 0.025, 0.0]]),
     jerk=np.array([0.0, 1.0**2, 0.3**2]),
     steady=0.08**2,
+    held=0.02**2,
     wander=0.15**2,
     turns=True,
 )
+# Slower, an aircraft hovers. [m/s]
+HOVER_MPS: Final = 15.0
 # Before anything is known.
 START: Final = np.array([0.80, 0.15, 0.05])
 # The jerk that a smoother should allow for in each mode: less than the filter's, for it sees both sides. [m²/s⁵]
@@ -131,7 +138,8 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
         _add_white_acceleration(P[:, 1], models.wander * h, h)
     else:
         kalman.predict(x, P, h, models.jerk[:, None])
-    _add_white_acceleration(P[:, 0], models.steady * h, h)
+    hovers = x[2, 0] ** 2 + x[3, 0] ** 2 < HOVER_MPS**2
+    _add_white_acceleration(P[:, 0], np.where(hovers, models.held, models.steady) * h, h)
     # Keeps the steady model's acceleration block regular; far below anything measurable.
     P[20:24:3, 0] += 1e-4
     return x, P, mu
