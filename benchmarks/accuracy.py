@@ -13,6 +13,7 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
@@ -103,17 +104,35 @@ def _table(figures: list[Figure]) -> list[str]:
 
 
 def markdown(figures: list[Figure]) -> list[str]:
-    """The figures as tables of a page, one for each row."""
-    lines, last = list[str](), ""
-    for f in figures:
-        if f.row != last:
-            lines += ["", f"### {f.row[0].upper()}{f.row[1:]}", ""]
-            lines += ["| | measured | 95 % of draws | must | aim | |", "| --- | --- | --- | --- | --- | --- |"]
-            last = f.row
-        span = "" if f.interval[0] != f.interval[0] else f"{f.interval[0]:.3f} to {f.interval[1]:.3f}"
-        value = f"{_number(f.value)} {f.unit}".strip()
-        lines.append(f"| {f.cell} | {value} | {span} | {_goal(f.must)} | {_goal(f.aim)} | {f.verdict} |")
+    """The figures as two tables of a page, one line for each row and case: with goals, and for information."""
+    lines = list[str]()
+    for judged in (True, False):
+        lines += ["| figure | measured | must | aim | |", "| --- | --- | --- | --- | --- |"] if judged else [
+            "", "| for information | measured |", "| --- | --- |",
+        ]  # fmt: skip
+        chosen = [f for f in figures if (f.must is not None) == judged]
+        for (row, case, must, aim), group in groupby(chosen, lambda f: (f.row, _case(f), f.must, f.aim)):
+            lines.append(_line(row, case, must, aim, list(group)))
     return lines
+
+
+def _case(f: Figure) -> str:
+    """What stands before the family in a cell."""
+    return f.cell.rpartition(", ")[0]
+
+
+def _line(
+    row: str, case: str, must: tuple[float, float] | None, aim: tuple[float, float] | None, group: list[Figure]
+) -> str:
+    families = [f.cell.rpartition(", ")[2] for f in group]
+    name = f"{row}: {case}{', ' if case else ''}{', '.join(families)}"
+    values = f"{', '.join(_number(f.value) for f in group)} {group[0].unit}".strip()
+    if must is None:
+        return f"| {name} | {values} |"
+    missed = [family for family, f in zip(families, group, strict=True) if f.verdict == "MISSED"]
+    every = "aim" if all(f.verdict == "aim" for f in group) else "met"
+    verdict = f"**missed**{'' if len(missed) == len(group) else ': ' + ', '.join(missed)}" if missed else every
+    return f"| {name} | {values} | {_goal(must)} | {_goal(aim)} | {verdict} |"
 
 
 def _number(value: float) -> str:
