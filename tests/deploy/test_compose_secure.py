@@ -40,6 +40,7 @@ ALLOWED_TO_GET = [
     ("web", "hear-again", "atc/v1/feed/element/*"),
     ("operator", "ask", "atc/v1/control/sensor/radar2?action=on"),
     ("fusion", "hear-again", "atc/v1/reports/adsb/**"),
+    ("fusion", "hear", "atc/v1/reports/adsb/@adv/**"),
 ]
 FORBIDDEN_TO_GET = [
     ("stranger", "hear", "atc/v1/feed/live/*"),
@@ -49,8 +50,10 @@ FORBIDDEN_TO_GET = [
     ("consumer", "hear", "atc/v1/reports/**"),
     ("consumer", "hear", "atc/v1/reports/adsb/**"),
     ("consumer", "hear-again", "atc/v1/reports/radar1/**"),
+    ("consumer", "hear", "atc/v1/reports/adsb/@adv/**"),
     ("consumer", "hear", "**"),
     ("consumer", "ask", "atc/v1/query/reports"),
+    ("consumer", "ask", "**"),
     ("consumer", "ask", "atc/v1/control/sensor/radar1?action=off"),
     ("consumer", "alive", "atc/v1/alive/fusion/**"),
     ("web", "ask", "atc/v1/control/registration/radar1?action=reset"),
@@ -58,6 +61,8 @@ FORBIDDEN_TO_GET = [
     ("adsb", "ask", "atc/v1/query/tracks"),
     ("adsb", "hear", "atc/v1/feed/live/*"),
     ("adsb", "hear", "atc/v1/reports/radar1/**"),
+    ("adsb", "hear-again", "atc/v1/reports/radar1/**"),
+    ("radar1", "hear", "atc/v1/reports/adsb/@adv/**"),
     ("adsb", "ask", "@/*/router/**"),
     ("radar1", "ask", "atc/v1/control/sensor/radar2?action=off"),
 ]
@@ -77,6 +82,7 @@ FORBIDDEN_TO_PUT = [
     ("adsb", "put", "atc/v1/fused/live/FFFFFF"),
     ("radar2", "put", "atc/v1/registration/radar2"),
     ("stranger", "put", "atc/v1/status/forged"),
+    ("web", "put", "atc/v1/registration/radar1"),
     ("operator", "put", "atc/v1/feed/element/forged"),
 ]
 FORBIDDEN_TO_POSE = [
@@ -272,7 +278,7 @@ def test_expiry_is_told_and_a_renewed_certificate_opens_the_door_again(stack):
 
 
 # -- forbidden -------------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("who", ["without certificate", "foreign authority", "without TLS"])
+@pytest.mark.parametrize("who", ["without certificate", "foreign authority", "expired certificate", "without TLS"])
 def test_stranger_is_not_let_in(stack, image, certificates, who):
     folder, endpoint, identity = certificates.parent, "tls/router:7447", None
     if who == "without TLS":
@@ -280,6 +286,15 @@ def test_stranger_is_not_let_in(stack, image, certificates, who):
     elif who == "without certificate":
         identity = folder / "bare"
         identity.mkdir()
+    elif who == "expired certificate":
+        # By the right authority, in a participant's name, for no day.
+        identity = folder / "expired"
+        make = (
+            "mkdir /tmp/site && ln -s /certificates/authority /tmp/site && "
+            "DAYS=0 make_certificates.sh /tmp/site consumer && cp /tmp/site/consumer/*.pem /expired"
+        )
+        given = ("-v", f"{identity}:/expired", "--entrypoint", "sh")
+        stack.compose("run", "--rm", *given, "certificates", "-c", make)
     else:
         # The same name by another authority.
         run(DEPLOY / "secure" / "make_certificates.sh", folder / "forged", "fusion")
