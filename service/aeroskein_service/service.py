@@ -18,7 +18,7 @@ from aeroskein_service.keys import Keys
 from aeroskein_service.metrics import Metrics
 from aeroskein_service.neighbours import Claim, Neighbours
 from aeroskein_service.state_store import StateStore
-from aeroskein_service.transport import Session, open_session
+from aeroskein_service.transport import SENSOR_CACHE, Session, open_session
 from aeroskein_service.web.page_process import PageProcess
 
 if TYPE_CHECKING:
@@ -27,10 +27,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Service"]
 
-# Batches fetched from the sensors' caches at the start, so that elements go on where they ended before a restart: an
+# What is fetched from the sensors' caches at the start, so that elements go on where they ended before a restart: an
 # element is published up to ten seconds after it began, which leaves fifteen for being away. Older reports would soon
 # be too old (``fusion.max_age_s``).
-HISTORY_BATCHES: Final = 500
 HISTORY_S: Final = 25.0
 STUCK_S: Final = 10.0  # a worker that has not turned for so long is not alive
 
@@ -111,7 +110,7 @@ class Service:
                 self._keys.reports_below(sensor),
                 inbox.receiver(index),
                 on_miss=self._misser(sensor),
-                history=HISTORY_BATCHES,
+                history=SENSOR_CACHE,
                 history_age_s=min(HISTORY_S, self._config.fusion.max_age_s),
             )
 

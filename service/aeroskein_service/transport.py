@@ -23,6 +23,7 @@ from aeroskein.errors import AeroskeinError
 from aeroskein_service.link import BASE_SETTINGS, Link, client_settings
 
 __all__ = [
+    "SENSOR_CACHE",
     "FeedPublisher",
     "Link",
     "OnMessage",

@@ -200,10 +200,9 @@ def test_killed_service_comes_back_with_new_numbers_and_repeats_no_second(stack,
     # When the service is killed and started again
     stack.kill("fusion")
     killed_s = time.time()
-    before = [point for message in elements.messages for point in message["points"]]
-    heard = len(elements.messages)
     used = {point["track_number"] for _, point in stack.points()}
-    epoch = before[-1]["epoch"]
+    published = [point for message in elements.messages for point in message["points"]]
+    epoch, known = published[-1]["epoch"], {point["address"] for point in published}
     stack.start("fusion")
     # Then live points come at once, under numbers that were never used
     fresh = wait_until(
@@ -216,15 +215,17 @@ def test_killed_service_comes_back_with_new_numbers_and_repeats_no_second(stack,
     # Every known aircraft that is seen again gets elements
     time.sleep(5.0)
     confirmed = {p["address"] for _, p in stack.points(killed_s) if p["epoch"] != epoch and p["status"] == "confirmed"}
-    flying = confirmed & {p["address"] for p in before}
+    flying = confirmed & known
     assert flying
-    elements.wait_for(
-        lambda messages: flying <= {p["address"] for m in messages[heard:] for p in m["points"]}, "elements of all"
-    )
-    after = [point for message in elements.messages[heard:] for point in message["points"] if point["epoch"] != epoch]
-    assert not used & {point["track_number"] for point in after}
+
+    def after(messages: list[Any]) -> list[dict[str, Any]]:
+        return [point for message in messages for point in message["points"] if point["epoch"] != epoch]
+
+    elements.wait_for(lambda messages: flying <= {point["address"] for point in after(messages)}, "elements of all")
+    assert not used & {point["track_number"] for point in after(elements.messages)}
     # And no second of any aircraft is published twice, or in no element as far back as sensors can repeat
-    joints = [seam for found in seams(before + after).values() for seam in found]
+    published = [point for message in elements.messages for point in message["points"]]
+    joints = [seam for found in seams(published).values() for seam in found]
     gaps_s = [next_s - ended_s for ended_s, next_s in joints]
     none_s, twice_s = (sum(s for s in gaps_s if s > 0.0), -sum(s for s in gaps_s if s < 0.0))
     figures["service killed: aircraft / their seconds in no element / in two"] = (
