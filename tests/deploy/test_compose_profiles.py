@@ -98,7 +98,7 @@ def test_demo_runs_through_the_official_router(image, tmp_path, figures):
         with running("zenohd", environment(image) | {"ZENOH_IMAGE": router}) as stack:
             wait_until(lambda: fuses_all(stack), "points to which all sensors contributed")
             assert stack.inspect("router")["Config"]["Image"] == router
-            assert "router" in stack.services()
+            wait_until(lambda: "router" in stack.healthy(), "the router to be healthy")
 
     router = official("ZENOH_IMAGE")
     figures["profile zenohd: router"] = router or "stand-in"

@@ -30,7 +30,7 @@ def commands_in(path: Path) -> list[list[str]]:
     ours = [
         [part for part in command if part not in ("CMD", "aeroskein")]
         for command in found
-        if command[0] not in ("-c", "/certificates") and command[1] not in ("wget", "/bin/true")
+        if command[0] not in ("-c", "/certificates") and command[1] not in ("wget", "grep")
     ]
     return [[part.replace("/etc/aeroskein", str(DEPLOY)) for part in command] for command in ours]
 
