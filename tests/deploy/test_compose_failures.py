@@ -238,7 +238,8 @@ def test_killed_service_comes_back_with_new_numbers_and_repeats_no_second(stack,
 def test_reports_from_before_a_cut_come_late_and_jolt_no_track(stack, figures):
     # Given how much live points usually leave the line of flight
     now_s = time.time()
-    usual = wait_until(lambda: found if len(found := steps(stack, now_s, time.time())) > 1000 else None, "points")
+    wait_until(lambda: len(steps(stack, now_s, time.time())) > 1000, "points")
+    usual = steps(stack, now_s, time.time())
     before = sensor_of(stack, "adsb")
     # When a feed's network is cut for twenty seconds
     stack.cut("adsb", "adsb")
