@@ -64,6 +64,8 @@ class Latencies:
     """Put of the report, since the beginning."""
     latency_s: np.ndarray
     """From that put to the consumer's receipt."""
+    inside_s: np.ndarray
+    """Of it, from the report's arrival in the service to the publication."""
 
     def percentiles_ms(self, from_s: float, to_s: float, *levels: float) -> list[float]:
         """Percentiles of the points whose reports were put in a time. [ms]"""
@@ -242,4 +244,4 @@ def _joined(sent: Any, seen: Any, began_s: float) -> Latencies:
     found = order[place]
     same = reports[found] == points
     put_s = sent["put_s"][found[same]]
-    return Latencies(put_s - began_s, seen["received_s"][same] - put_s)
+    return Latencies(put_s - began_s, seen["received_s"][same] - put_s, seen["inside_s"][same])

@@ -86,7 +86,9 @@ class Seen(msgspec.Struct, gc=False):
     seq: int
     time_s: float
     status: str
+    published_s: float
     address: str | None = None
+    input_received_s: float | None = None
 
 
 class SeenFeed(msgspec.Struct, gc=False):
@@ -101,7 +103,7 @@ class Tally:
     def __init__(self) -> None:
         self.next: dict[int, int] = {}
         self.holes = self.backwards = self.coasted = 0
-        self.rows: list[tuple[str | None, float, float]] = []
+        self.rows: list[tuple[str | None, float, float, float]] = []
 
     def note(self, point: Seen, received_s: float) -> None:
         expected = self.next.get(point.track_number, 0)
@@ -112,16 +114,18 @@ class Tally:
             # From no report: no latency.
             self.coasted += 1
         else:
-            self.rows.append((point.address, point.time_s, received_s))
+            inside_s = point.published_s - (point.input_received_s or point.published_s)
+            self.rows.append((point.address, point.time_s, received_s, inside_s))
 
     def save(self, path: Path) -> None:
         """All points in columns."""
-        addresses = [int(address, 16) if address else -1 for address, _, _ in self.rows]
+        addresses = [int(address, 16) if address else -1 for address, *_ in self.rows]
         np.savez(
             path,
             address=np.array(addresses, dtype=np.int64),
-            time_s=np.array([time_s for _, time_s, _ in self.rows]),
-            received_s=np.array([received_s for _, _, received_s in self.rows]),
+            time_s=np.array([time_s for _, time_s, _, _ in self.rows]),
+            received_s=np.array([received_s for _, _, received_s, _ in self.rows]),
+            inside_s=np.array([inside_s for _, _, _, inside_s in self.rows]),
             tracks=len(self.next),
             holes=self.holes,
             backwards=self.backwards,

@@ -169,16 +169,18 @@ def browse(url: str, seconds: float, picture: str | None) -> dict[str, Any]:
         page.wait_for_function("window.__view && window.__view.ready")
         ready_s = time.monotonic() - began_s
         page.wait_for_timeout(3000)
-        before = page.evaluate("[__view.frames, __view.drawn, __view.skipped]")
+        before = page.evaluate("[__view.frames, __view.drawn, __view.skipped, __view.draws]")
         page.wait_for_timeout(seconds * 1000)
         numbers = page.evaluate(
             "({frames: __view.frames, drawn: __view.drawn, skipped: __view.skipped, count: __view.count, ages: "
-            "__view.ages, parts: __view.parts, times: __view.drawTimes, labels: __view.labels, faults: __view.faults})"
+            "__view.ages, parts: __view.parts, draws: __view.draws, times: __view.drawTimes, labels: __view.labels, "
+            "faults: __view.faults})"
         )
         if picture:
             page.screenshot(path=picture)
         browser.close()
-    ages, times = np.array(numbers.pop("ages")) * 1e3, np.array(numbers.pop("times"))
+    numbers["draws"] -= before[3]
+    ages, times = np.array(numbers.pop("ages")) * 1e3, np.array(numbers.pop("times")[-numbers["draws"] :])
     numbers["frames"], numbers["drawn"] = numbers["frames"] - before[0], numbers["drawn"] - before[1]
     numbers["skipped"] -= before[2]
     numbers["age_ms"] = {"median": round(float(np.median(ages)), 1), "max": round(float(ages.max()), 1)}

@@ -33,7 +33,7 @@ export class DisplayPanel {
       choice(s, "labels", "Labels", [[0, "none"], [1, "callsign and level"], [2, "full data block"]]),
       entry(s, "density", "Labels at most", { limits: [0, 2000] }),
       choice(s, "vector", "Speed vector", [[0, "none"], [60, "1 minute"], [120, "2 minutes"], [300, "5 minutes"]]),
-      choice(s, "trail", "Trails", [["auto", "of all, if they are few"], ["none", "none"], ["selected", "of the selected"], ["all", "of all"]]),
+      choice(s, "trail", "Trails", [["auto", "automatic"], ["none", "none"], ["selected", "of the selected"], ["all", "of all"]]),
       choice(s, "trailtime", "Trail length", [[60, "1 minute"], [120, "2 minutes"], [300, "5 minutes"], [900, "15 minutes"]]),
       checkbox(s, "smooth", "Move between two pictures"),
       h("h3", {}, "Map"),

@@ -22,14 +22,14 @@ export class SensorsPanel {
     this._state = state;
     this._close = close;
     this._history = null;
-    this._askedAt = 0;
+    this._askedAt = -Infinity;
     this._content = h("div", {});
     this._open = new Set(); // sensors whose details are open
   }
 
   show() {
     this._element.replaceChildren(panelHead("Sensors and service", this._close), this._content);
-    this._askedAt = 0;
+    this._askedAt = -Infinity;
     this.words(this._state.words);
   }
 
