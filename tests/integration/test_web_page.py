@@ -18,6 +18,16 @@ from aeroskein_service.transport import Router
 
 pytestmark = pytest.mark.slow
 KEYS = Keys("test/v1")
+# The least contrast of a way of colouring with land and sea, by its name.
+LEAST_CONTRAST = """import('/static/js/colours.js').then(({ TrafficColours, themeColours, rgb, contrast }) => {
+  const theme = themeColours(), colours = new TrafficColours();
+  return Object.fromEntries(['source', 'altitude', 'accuracy', 'age'].map((mode) => {
+    colours.choose(mode, theme);
+    const { items, colours: scale } = colours.legend(), texts = items ? items.map((item) => item.colour) : scale;
+    const against = (ground) => texts.map((text) => contrast(rgb(text), rgb(ground)));
+    return [mode, Math.min(...against(theme.land), ...against(theme.sea))];
+  }));
+})"""
 DROPPED = ("**/static/js/labels.js", "**/static/map/world.bin", "**/api/search?*")
 LOW_CONTRAST = Path(__file__).with_name("low_contrast.js").read_text()
 
@@ -370,6 +380,14 @@ def test_everything_can_be_reached_by_keyboard(page):
         shown.press("Tab")
         seen.add(shown.get("document.activeElement.id || document.activeElement.textContent"))
     assert len(seen) > 6
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_symbols_stand_out_from_the_map_in_every_colour(page, theme):
+    shown = page(f"theme={theme}")
+    least = shown.get(LEAST_CONTRAST)
+    assert set(least) == {"source", "altitude", "accuracy", "age"}
+    assert min(least.values()) >= 3.0, least
 
 
 def test_text_of_every_panel_has_contrast_in_both_themes(page):

@@ -8,6 +8,7 @@ export const SOURCE_NAMES = {
   fused: "ADS-B and radar", adsb: "ADS-B only", radar: "radar only", coasted: "coasted: predicted, no report lately",
   suspect: "ADS-B contradicted by radar",
 };
+const CONTRAST = 3.05; // of a symbol with the map: 3 after rounding
 const STEPS = 24; // colours of a scale
 export const PALETTE_SIZE = 32; // uniforms of the shader
 const FILTERED = PALETTE_SIZE - 1;
@@ -58,6 +59,20 @@ function hsl(h, s, l) {
   return [f(0), f(8), f(4)];
 }
 
+// The contrast of two colours, WCAG 2.2.
+export function contrast(one, other) {
+  const light = (colour) => colour.map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)).reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const [low, high] = [light(one), light(other)].sort((a, b) => a - b);
+  return (high + 0.05) / (low + 0.05);
+}
+
+// A colour made lighter or darker until it stands out from every ground as symbols and lines must.
+function legible(colour, ground, dark) {
+  let made = colour;
+  for (let k = 0; k < 40 && ground.some((g) => contrast(made, g) < CONTRAST); k++) made = made.map((v) => (dark ? v + 0.04 * (1 - v) : 0.96 * v));
+  return made;
+}
+
 const css = ([r, g, b]) => `rgb(${Math.round(r * 255)} ${Math.round(g * 255)} ${Math.round(b * 255)})`;
 
 // What each way of colouring looks like: `colour(k)` for 0 <= k <= 1, its ticks, and the value of an aircraft.
@@ -95,8 +110,9 @@ export class TrafficColours {
   choose(mode, theme) {
     this._mode = mode;
     const scale = SCALES[mode];
+    const ground = [rgb(theme.land), rgb(theme.sea)];
     const colours = scale
-      ? Array.from({ length: STEPS }, (_, k) => scale.colour(k / (STEPS - 1), theme.dark))
+      ? Array.from({ length: STEPS }, (_, k) => legible(scale.colour(k / (STEPS - 1), theme.dark), ground, theme.dark))
       : SOURCES.map((name) => rgb(theme[name]));
     colours[EMERGENCY] = rgb(theme.emergency);
     colours[UNKNOWN] = rgb(theme.unknown);
