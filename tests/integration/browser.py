@@ -26,6 +26,12 @@ FLAGS = ["--disable-gpu", "--enable-unsafe-swiftshader", "--no-sandbox"]
 # (containers of other tests), on which it drops what it loads and the page tries again: no page can avoid either.
 DROPPED = "ERR_NETWORK_CHANGED"
 REMARKS = ("GL Driver Message", "GPU stall", DROPPED)
+# What a test that waited in vain wants to know.
+STATE = """(() => {
+  const names = ["count", "frame", "draws", "labels", "passed", "centre", "resting", "connects", "selected", "banner"];
+  const seen = Object.fromEntries([...names, "faults", "query"].map((name) => [name, window.__view?.[name]]));
+  return JSON.stringify({ ...seen, hidden: document.hidden, focus: document.activeElement?.id, ms: performance.now() });
+})()"""
 VIEWPORT = {"width": 1400, "height": 900}
 LIMIT_MS = 60_000
 
@@ -97,7 +103,12 @@ class Page:
 
     def wait(self, expression: str, limit_ms: float = LIMIT_MS) -> Any:
         """Wait until an expression about ``__view`` is true; its value."""
-        return self.page.wait_for_function(f"window.__view && ({expression})", timeout=limit_ms).json_value()
+        try:
+            return self.page.wait_for_function(f"window.__view && ({expression})", timeout=limit_ms).json_value()
+        except Exception as error:  # playwright's own class, which is not there where it is not installed
+            raise AssertionError(
+                f"waited for {expression}; the page: {self.get(STATE)}; it said {self.said}"
+            ) from error
 
     def get(self, expression: str) -> Any:
         """An expression's value."""

@@ -2,5 +2,6 @@
 // A plain script, ahead of everything, for a module that fails takes all others with it.
 
 addEventListener("error", (event) => {
-  if (event.target instanceof HTMLScriptElement || event.target instanceof HTMLLinkElement) setTimeout(() => location.reload(), 2000);
-}, { capture: true, once: true });
+  const { target } = event;
+  if (target instanceof HTMLScriptElement || target.rel === "stylesheet") setTimeout(() => location.reload(), 2000);
+}, true);

@@ -57,19 +57,25 @@ export class Stage {
     this.webgl = Boolean(gl);
     this._gl = gl;
     if (gl) {
-      this._symbols = new Symbols(gl);
-      gl.enable(gl.BLEND);
-      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      this._programs();
       this._canvases.traffic.addEventListener("webglcontextlost", (event) => event.preventDefault());
       this._canvases.traffic.addEventListener("webglcontextrestored", () => {
-        this._symbols = new Symbols(gl);
-        this.trails = new Trails(gl);
+        this._programs();
         this.invalidate("upload");
       });
     } else {
       this._symbols = new FlatSymbols(this._canvases.traffic.getContext("2d"));
+      this.trails = new Trails(null);
     }
+  }
+
+  // What a new context of the graphics card begins with.
+  _programs() {
+    const gl = this._gl;
+    this._symbols = new Symbols(gl);
     this.trails = new Trails(gl);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   // Whether something has changed that is not drawn yet; that aircraft move is no change.
