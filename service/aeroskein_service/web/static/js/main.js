@@ -24,6 +24,8 @@ const settings = new Settings();
 const state = { hello: null, words: null, frames: 0, drawn: 0, ages: [], faults: [], newest: null, frameAt: 0, shown: null };
 const overlay = byId("map-overlay");
 
+// First of all: the first picture is on its way while the graphics card gets ready.
+const link = new Link({ frame: takeFrame, words: takeWords, state: () => judge(), fault });
 const view = new MapView(overlay, {
   onChange: () => viewChanged(),
   onRest: () => viewRests(),
@@ -32,7 +34,6 @@ const view = new MapView(overlay, {
 });
 const stage = new Stage(view, settings, { base: byId("map-base"), traffic: byId("map-traffic"), overlay });
 const banner = new Banner(byId("banner"), byId("spoken"));
-const link = new Link({ frame: takeFrame, words: takeWords, state: () => judge(), fault });
 const actions = makeActions({ settings, view, stage, link, state });
 const details = new Details(byId("details"), settings, stage, actions);
 state.details = details;
