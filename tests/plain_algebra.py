@@ -67,9 +67,8 @@ def coordinated_turn(x: Array, P: Array, h: float, along: float, across: float) 
     rate = turn_rate(x)
     generator = np.kron(np.eye(3, k=1), I2)
     generator[4:, 4:] = rate * QUARTER
-    F, turn = turning(x, h), turn_of_acceleration(x, h)
-    either_way = turn @ jerk_noise(h, along) @ turn.T
-    return expm(h * generator) @ x, F @ P @ F.T + either_way + noise_of_flight(v, h, 0.0, across - along)
+    F = turning(x, h)
+    return expm(h * generator) @ x, F @ P @ F.T + noise_of_flight(v, h, along, across)
 
 
 def noise_of_flight(v: Array, h: float, along: float, across: float) -> Array:

@@ -26,8 +26,10 @@ SLOWEST_MPS: Final = 30.0
 # Turn rates are taken for at least this speed, and no higher than this, twice a standard-rate turn. [m/s], [rad/s]
 TURN_SPEED_MIN_MPS: Final = 60.0
 TURN_RATE_MAX_RADPS: Final = 0.12
+# What is even in the angle is taken no nearer to zero than here: that leaves out less than a part in 10¹¹. [rad]
+SMALL_ANGLE_RAD: Final = 1e-5
 # Below this the first terms of the series serve: what they leave out is a part in a thousand million. [rad]
-SMALL_ANGLE_RAD: Final = 1e-4
+SMALL_TURN_RAD: Final = 1e-4
 # Angles below leave covariances as they are: half a percent of an error is moved beside itself. [rad]
 LEAST_TURN_RAD: Final = 0.005
 # An update that turns the velocity by more than the first, but not beyond belief, turns what is tied to it. [rad]
@@ -61,35 +63,73 @@ def predict(x: Array, P: Array, h: Array, along: Array, across: Array) -> Turned
     Turned
         What the way back through the step must know: it was one of constant acceleration, then a turn of that.
     """
-    across_squares = _across_squares(x[2:4])
-    rate = _turn_rate(x)
-    angle = rate * h
-    turned = _turned(x, h, rate, angle)
-    kalman.predict(x, P, h, along)
-    x += turned
+    density = _jerk_density(x[2:4], along * h, across * h)
+    angle = _turn_rate(x) * h
+    _move(x, h, angle)
+    kalman.move_covariance(P, h)
     lanes = np.flatnonzero(np.abs(angle) > LEAST_TURN_RAD)
     back = Turned(lanes, np.cos(angle[lanes]), np.sin(angle[lanes]))
     if len(lanes):
         _turn_errors(P, back, velocity=False)
-    _add_jerk_across(P, h, (across - along) * h, across_squares)
+    kalman.add_jerk_noise(P, h, density)
     return back
 
 
-def _add_jerk_across(P: Array, h: Array, power: Array, across_squares: tuple[Array, Array, Array]) -> None:
-    """White jerk of ``power`` (density times ``h``) in the direction whose squares are given."""
-    ee, en, nn = across_squares
-    noise = np.empty((2, 2, *power.shape))
-    np.multiply(power, ee, out=noise[0, 0])
-    np.multiply(power, en, out=noise[0, 1])
-    noise[1, 0] = noise[0, 1]
-    np.multiply(power, nn, out=noise[1, 1])
+def _jerk_density(velocity: Array, along: Array, across: Array | float) -> Array:
+    """Densities along and across the flight turned into the plane, ``(2, 2, n)``; their mean where it has no direction.
+
+    ``velocity`` is ``(2, n)``. [m/s]
+    """
+    squares = velocity * velocity
+    square = squares[0] + squares[1]
+    more = across - along
+    share = np.where(square >= SLOWEST_MPS**2, more, 0.0)
+    share /= np.maximum(square, SLOWEST_MPS**2)
+    # All of ``more`` less what has a direction is shared out evenly.
+    even = 0.5 * (more - share * square)
+    even += along
+    density = np.empty((2, 2, *even.shape))
+    diagonal = density.reshape(4, *even.shape)[0:4:3]
+    np.multiply(share, squares[::-1], out=diagonal)
+    diagonal += even
+    share *= velocity[0]
+    share *= velocity[1]
+    np.negative(share, out=density[0, 1])
+    np.negative(share, out=density[1, 0])
+    return density
+
+
+def _move(x: Array, h: Array, angle: Array) -> None:
+    """Move the states ``(6, n)`` themselves, in place; ``angle`` is what they turn by. [rad]
+
+    With J a quarter turn the acceleration becomes R a = (cos + J sin) a; velocity and position take its integral, and
+    the integral of that. All three are even functions of the angle times powers of time and angle.
+    """
+    # Even functions change nowhere less than here: at the smallest angle they have their value at zero.
+    size = np.maximum(np.abs(angle), SMALL_ANGLE_RAD)
+    half = 0.5 * size
+    u = np.sin(half)
+    u /= half
+    sinc = u * np.cos(half)
+    versed = u * u
+    versed *= 0.5  # (1 - cos) / angle²
+    rest = (1.0 - sinc) / (size * size)  # (angle - sin) / angle³
+    tilted = angle * versed
+    same, turned = np.empty((3, 1, *angle.shape)), np.empty((3, 1, *angle.shape))
     h2 = h * h
-    product = np.empty_like(noise)
-    weights = (h2 * h2 / 20.0, h2 * h / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h)
-    *blocks, of_acceleration = kalman.blocks(P)
-    for block, weight in zip(blocks, weights, strict=True):
-        block += np.multiply(weight, noise, out=product)
-    of_acceleration += noise
+    np.multiply(h2, versed, out=same[0, 0])
+    np.multiply(h, sinc, out=same[1, 0])
+    np.multiply(angle, tilted, out=same[2, 0])
+    np.negative(same[2, 0], out=same[2, 0])
+    np.multiply(angle * rest, h2, out=turned[0, 0])
+    np.multiply(h, tilted, out=turned[1, 0])
+    np.multiply(angle, sinc, out=turned[2, 0])
+    change = same * x[4:6]
+    turned = turned * x[4:6]
+    change[:, 0] -= turned[:, 1]
+    change[:, 1] += turned[:, 0]
+    x[0:2] += h * x[2:4]
+    x += change.reshape(6, *angle.shape)
 
 
 def _turn_errors(P: Array, turned: Turned, *, velocity: bool) -> None:
@@ -133,10 +173,11 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
     w = _turn_rate(x)
     gradient = _rate_gradient(x, w)
     angle = w * h
-    small = np.abs(angle) < SMALL_ANGLE_RAD
-    rate = np.where(small, 1.0, w)
     cos, sin = np.cos(angle), np.sin(angle)
-    less = 2.0 * np.sin(0.5 * angle) ** 2
+    half_sin, half_cos = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    small = np.abs(angle) < SMALL_TURN_RAD
+    rate = np.where(small, 1.0, w)
+    less = 2.0 * half_sin * half_sin
     # The integral of the turn over the step, and its derivative by the rate: of the unit matrix and of a quarter turn.
     same, left = np.where(small, h, sin / rate), np.where(small, 0.5 * angle * h, less / rate)
     same_by_w = np.where(small, -angle * h * h / 3.0, (h * cos - same) / rate)
@@ -148,8 +189,8 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
     x[4:6] = w * quarter
     _circle_errors(P, gradient, (same, left), (cos, sin), (by_w, h * quarter), w, quarter)
     # Noise across the middle of the step.
-    middle = _turn(x[2:4], np.cos(0.5 * angle), -np.sin(0.5 * angle))
-    _add_jerk_across(P, h, across * h, _across_squares(middle))
+    middle = _turn(x[2:4], half_cos, -half_sin)
+    kalman.add_jerk_noise(P, h, _jerk_density(middle, np.zeros(len(h)), across * h))
 
 
 def _circle_errors(
@@ -248,34 +289,6 @@ def _rate_gradient(x: Array, rate: Array) -> tuple[Array, Array]:
     longer = 2.0 * rate * ~slow
     by_v = np.stack([x[5] - longer * x[2], -x[4] - longer * x[3]])
     return by_v * free, np.stack([-x[3], x[2]]) * free
-
-
-def _turned(x: Array, h: Array, rate: Array, angle: Array) -> Array:
-    """What the turning of the acceleration adds to a step of constant acceleration, ``(6, n)``.
-
-    With J a quarter turn: R - I, its integral over the step, and the integral of that.
-    """
-    small = np.abs(angle) < SMALL_ANGLE_RAD
-    w = np.where(small, 1.0, rate)
-    sin, less = np.sin(angle), 2.0 * np.sin(0.5 * angle) ** 2
-    half = 0.5 * h * h
-    parts = (
-        (np.where(small, 0.0, less / w**2 - half), np.where(small, angle * half / 3.0, (angle - sin) / w**2)),
-        (np.where(small, 0.0, sin / w - h), np.where(small, angle * 0.5 * h, less / w)),
-        (-less, sin),
-    )
-    ae, an = x[4], x[5]
-    return np.stack([row for same, turned in parts for row in (same * ae - turned * an, same * an + turned * ae)])
-
-
-def _across_squares(velocity: Array) -> tuple[Array, Array, Array]:
-    """Products ee, en, nn of the unit vector across ``(2, n)``; half the unit matrix where there is no direction."""
-    speed = np.hypot(velocity[0], velocity[1])
-    one = (speed >= SLOWEST_MPS) / np.maximum(speed, SLOWEST_MPS)
-    e, n = -velocity[1] * one, velocity[0] * one
-    ee, nn = e * e, n * n
-    aimless = 0.5 * (1.0 - ee - nn)
-    return ee + aimless, e * n, nn + aimless
 
 
 def _turn_rate(x: Array) -> Array:

@@ -116,11 +116,7 @@ class _Forward:
 
     def _update(self, k: int, x: Array, P: Array, r: _Reports, step: _Step) -> None:
         m = len(r.east)
-        vx, vy = x[2], x[3]
-        # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
-        r00 = r.ree + r.time_variance * (vx * vx + P[12])
-        r01 = r.ren + r.time_variance * (vx * vy + P[13])
-        r11 = r.rnn + r.time_variance * (vy * vy + P[17])
+        r00, r01, r11 = kalman.stamp_noise((r.ree, r.ren, r.rnn), r.time_variance, x[2:4], P[12:18])
         i = kalman.innovation(x, P, 0, r.east, r.north, r00, r01, r11)
         cov, velocity = self.innovation_cov[:, k, :m], self.velocity[:, k, :m]
         cov[0] = i.c00
@@ -141,11 +137,9 @@ class _Forward:
         step.updates.append((0, kalman.apply(x, P, i, ok)))
         has_velocity = ok & r.has_velocity
         if has_velocity.any():
-            # And of a velocity along an acceleration.
-            ax, ay, tv = x[4], x[5], r.time_variance
-            r00 = r.velocity_variance + tv * (ax * ax + P[20])
-            r11 = r.velocity_variance + tv * (ay * ay + P[23])
-            iv = kalman.innovation(x, P, 2, r.v_east, r.v_north, r00, tv * (ax * ay + P[21]), r11)
+            base = (r.velocity_variance, 0.0, r.velocity_variance)
+            R = kalman.stamp_noise(base, r.time_variance, x[4:6], P[20:24])
+            iv = kalman.innovation(x, P, 2, r.v_east, r.v_north, *R)
             step.updates.append((2, kalman.apply(x, P, iv, has_velocity & (iv.d2 <= GATE))))
 
     def _reopen(
@@ -242,8 +236,7 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
         step = forward.steps[k]
         part = adjoint.lanes(step.lanes)
         at = np.flatnonzero(kind[k, : step.lanes] == CENTRE)
-        centre.vector[:, at] = part.vector[:, at]
-        centre.matrix[:, :, at] = part.matrix[:, :, at]
+        centre.columns[:, :, at] = part.columns[:, :, at]
         for first, gains in reversed(step.updates):
             part.through_update(first, gains)
         if len(step.turned.lanes):

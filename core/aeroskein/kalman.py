@@ -16,6 +16,7 @@ inverted. Every kernel is checked against plain 6x6 matrix algebra in the tests.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -28,14 +29,17 @@ __all__ = [
     "Adjoint",
     "Gains",
     "Innovation",
+    "add_jerk_noise",
     "apply",
     "blocks",
     "from_matrix",
     "innovation",
     "lagged_innovation",
+    "move_covariance",
     "outer",
+    "outer_sum",
     "predict",
-    "subtract_outer",
+    "stamp_noise",
     "to_matrix",
     "update_position",
     "update_velocity",
@@ -102,32 +106,9 @@ def predict(x: Array, P: Array, h: Array, q: Array) -> None:
     q : (..., n) array
         Power spectral density of the jerk. [m²/s⁵]
     """
-    g = 0.5 * h * h
-    p11, p12, p13, p22, p23, p33 = blocks(P)
-    x[0:2] += h * x[2:4] + g * x[4:6]
+    x[0:2] += h * x[2:4] + (0.5 * h * h) * x[4:6]
     x[2:4] += h * x[4:6]
-    p21, p31, p32 = p12.swapaxes(0, 1), p13.swapaxes(0, 1), p23.swapaxes(0, 1)
-    # F P, block by block, each in the place of what is not read any more; then the same from the right.
-    product = np.empty_like(p33)
-    p11 += np.multiply(h, p21, out=product)
-    p11 += np.multiply(g, p31, out=product)
-    p12 += np.multiply(h, p22, out=product)
-    p12 += np.multiply(g, p32, out=product)
-    p22 += np.multiply(h, p32, out=product)
-    p13 += np.multiply(h, p23, out=product)
-    p13 += np.multiply(g, p33, out=product)
-    p23 += np.multiply(h, p33, out=product)
-    p11 += np.multiply(h, p12, out=product)
-    p11 += np.multiply(g, p13, out=product)
-    p12 += np.multiply(h, p13, out=product)
-    p22 += np.multiply(h, p23, out=product)
-    p11[1, 0] = p11[0, 1]
-    p22[1, 0] = p22[0, 1]
-    _add_jerk_noise(P, h, q)
-
-
-def _add_jerk_noise(P: Array, h: Array, q: Array) -> None:
-    """White jerk of density ``q`` over ``h``: the usual integrals of h^k on both axes."""
+    move_covariance(P, h)
     qh = q * h
     qh2 = qh * h
     qh3 = qh2 * h
@@ -140,63 +121,106 @@ def _add_jerk_noise(P: Array, h: Array, q: Array) -> None:
     P[20:24:3] += qh
 
 
-class Gains(NamedTuple):
-    """What an update leaves behind for the adjoint pass; zero columns where the report was not used.
+def move_covariance(P: Array, h: Array) -> None:
+    """P becomes F P F' in place, F that of constant acceleration over ``h`` ``(n,)`` [s].
 
-    ``a0, a1`` are the whitened columns of P H' ``(6, n)``, ``m0, m1`` the whitened innovation, ``h00, h10, h11`` the
-    whitening of the rows of H, ``d2`` the squared statistical distance, ``det`` the
-    determinant of the innovation covariance, ``ok`` whether it was used.
+    Blocks that stand side by side move together: at a few hundred lanes a call costs as much as what it computes.
+    """
+    g = 0.5 * h * h
+    lanes = P.shape[1:]
+    r1 = P[0:12].reshape(2, 6, *lanes)
+    r2 = P[12:20].reshape(2, 4, *lanes)
+    p33 = P[20:24].reshape(2, 2, *lanes)
+    p11, p12, p13, p22, p23 = r1[:, 0:2], r1[:, 2:4], r1[:, 4:6], r2[:, 0:2], r2[:, 2:4]
+    wide = np.empty_like(r2)
+    product = wide[:, 0:2]
+    # F P, block by block, each in the place of what is not read any more; then the same from the right.
+    p11 += np.multiply(h, p12.swapaxes(0, 1), out=product)
+    p11 += np.multiply(g, p13.swapaxes(0, 1), out=product)
+    r1[:, 2:6] += np.multiply(h, r2, out=wide)
+    p32 = p23.swapaxes(0, 1)
+    p12 += np.multiply(g, p32, out=product)
+    p13 += np.multiply(g, p33, out=product)
+    p22 += np.multiply(h, p32, out=product)
+    p23 += np.multiply(h, p33, out=product)
+    r1[:, 0:4] += np.multiply(h, r1[:, 2:6], out=wide)
+    p11 += np.multiply(g, p13, out=product)
+    p22 += np.multiply(h, p23, out=product)
+    P[6] = P[1]
+    P[16] = P[13]
+
+
+def add_jerk_noise(P: Array, h: Array, density: Array) -> None:
+    """Add white jerk over ``h`` ``(n,)`` [s] in place: the usual integrals of powers of time.
+
+    ``density (2, 2, ..., n)`` is its power spectral density times ``h``. [m²/s⁴]
+    """
+    h2 = h * h
+    lanes = P.shape[1:]
+    weights = np.empty((3, *h.shape))
+    weights[0], weights[1], weights[2] = h2 * h2 / 20.0, h2 * h / 8.0, h2 / 6.0
+    weights = weights.reshape(3, *[1] * (P.ndim - 1), -1)
+    r1 = P[0:12].reshape(2, 3, 2, *lanes)
+    r1 += weights * density[:, None]
+    r2 = P[12:20].reshape(2, 2, 2, *lanes)
+    weights[0], weights[1] = h2 / 3.0, 0.5 * h
+    r2 += weights[:2] * density[:, None]
+    P[20:24].reshape(2, 2, *lanes)[...] += density
+
+
+class Gains(NamedTuple):
+    """What an update leaves behind for the adjoint pass; zero where the report was not used.
+
+    ``a (2, 6, ..., n)`` are the whitened columns of P H', ``m (2, ..., n)`` the whitened innovation, ``scale (2, ...,
+    n)`` and ``ell`` whiten: the second component less ``ell`` times the first, then both times their scale. ``d2`` is
+    the squared statistical distance, ``det`` the determinant of the innovation covariance, ``ok`` whether it was used.
     """
 
-    a0: Array
-    a1: Array
-    m0: Array
-    m1: Array
-    h00: Array
-    h10: Array
-    h11: Array
+    a: Array
+    m: Array
+    scale: Array
+    ell: Array
     d2: Array
     det: Array
     ok: Bools
 
 
-def _columns(P: Array, first: int) -> tuple[Array, Array]:
-    """Columns of P for position (first = 0) or velocity (first = 2) as ``(6, ..., n)``."""
+def _columns(P: Array, first: int) -> Array:
+    """Columns of P for position (first = 0) or velocity (first = 2) as ``(2, 6, ..., n)``; not to be written to."""
     lanes = P.shape[1:]
     r1 = P[0:12].reshape(2, 6, *lanes)
     if first == 0:
-        return r1[0], r1[1]
-    r2 = P[12:20].reshape(2, 4, *lanes)
-    return np.concatenate([r1[:, 2], r2[0]]), np.concatenate([r1[:, 3], r2[1]])
+        return r1
+    columns = np.empty(r1.shape)
+    columns[:, 0:2] = r1[:, 2:4].swapaxes(0, 1)
+    columns[:, 2:6] = P[12:20].reshape(2, 4, *lanes)
+    return columns
 
 
-def subtract_outer(P: Array, a0: Array, a1: Array) -> None:
-    """P -= a0 a0' + a1 a1', on the stored rows only."""
-    lanes = P.shape[1:]
-    r1 = P[0:12].reshape(2, 6, *lanes)
-    r2 = P[12:20].reshape(2, 4, *lanes)
-    r3 = P[20:24].reshape(2, 2, *lanes)
-    product = np.empty_like(r1)  # one for all six: making an array costs as much as filling it
-    for a in (a0, a1):
-        r1 -= np.multiply(a[0:2, None], a[None], out=product)
-        r2 -= np.multiply(a[2:4, None], a[None, 2:], out=product[:, 2:])
-        r3 -= np.multiply(a[4:6, None], a[None, 4:], out=product[:, 4:])
+def outer_sum(a: Array) -> Array:
+    """The stored rows ``(24, ..., n)`` of the sum of a_k a_k' over k, ``a (k, 6, ..., n)``."""
+    lanes = a.shape[2:]
+    rows = np.empty((COVARIANCE_ROWS, *lanes))
+    # Sums of products in one sweep over the lanes.
+    np.einsum("ki...,kj...->ij...", a[:, 0:2], a, out=rows[0:12].reshape(2, 6, *lanes))
+    np.einsum("ki...,kj...->ij...", a[:, 2:4], a[:, 2:6], out=rows[12:20].reshape(2, 4, *lanes))
+    np.einsum("ki...,kj...->ij...", a[:, 4:6], a[:, 4:6], out=rows[20:24].reshape(2, 2, *lanes))
+    return rows
 
 
 def outer(d: Array, out: Array) -> Array:
-    """The stored rows of d d' of vectors ``(6, n)``, written to ``out (24, n)``."""
+    """The stored rows of d d' of vectors ``(6, ..., n)``, written to ``out (24, ..., n)``."""
     lanes = d.shape[1:]
-    np.multiply(d[0:2, None], d[None], out=out[0:12].reshape(2, 6, *lanes))
-    np.multiply(d[2:4, None], d[None, 2:], out=out[12:20].reshape(2, 4, *lanes))
-    np.multiply(d[4:6, None], d[None, 4:], out=out[20:24].reshape(2, 2, *lanes))
+    np.multiply(d[0:2, None], d, out=out[0:12].reshape(2, 6, *lanes))
+    np.multiply(d[2:4, None], d[2:], out=out[12:20].reshape(2, 4, *lanes))
+    np.multiply(d[4:6, None], d[4:], out=out[20:24].reshape(2, 2, *lanes))
     return out
 
 
 class Innovation(NamedTuple):
     """Innovation of a 2-vector measurement with its LDL' factors; nothing has been changed yet."""
 
-    a0: Array
-    a1: Array
+    a: Array
     n0: Array
     n1: Array
     c00: Array
@@ -217,16 +241,37 @@ def innovation(x: Array, P: Array, first: int, z0: Array, z1: Array, r00: Array,
     r00, r01, r11 : (..., n) arrays
         Its covariance.
     """
-    a0, a1 = _columns(P, first)
-    c00 = a0[first] + r00
-    c01 = a0[first + 1] + r01
-    c11 = a1[first + 1] + r11
-    n0 = z0 - x[first]
-    n1 = z1 - x[first + 1]
+    a = _columns(P, first)
+    return _innovation(a, a[:, first : first + 2], x[first : first + 2], z0, z1, r00, r01, r11)
+
+
+def _innovation(
+    a: Array, spread: Array, seen: Array, z0: Array, z1: Array, r00: Array, r01: Array, r11: Array
+) -> Innovation:
+    c00 = spread[0, 0] + r00
+    c01 = spread[0, 1] + r01
+    c11 = spread[1, 1] + r11
+    n0 = z0 - seen[0]
+    n1 = z1 - seen[1]
     ell = c01 / c00
     s = c11 - ell * c01
     m = n1 - ell * n0
-    return Innovation(a0, a1, n0, n1, c00, ell, s, n0 * n0 / c00 + m * m / s)
+    return Innovation(a, n0, n1, c00, ell, s, n0 * n0 / c00 + m * m / s)
+
+
+def stamp_noise(
+    base: Sequence[Array | float] | Array, time_variance: Array, rate: Array, spread: Array
+) -> tuple[Array, Array, Array]:
+    """Covariance ee, en, nn of a measurement ``base`` with what its time stamp adds, ``(..., n)`` each.
+
+    The stamp's error acts along a rate of change that is itself uncertain: its second moment counts. ``rate (2, ...,
+    n)`` is the velocity for a position, the acceleration for a velocity; ``spread`` are the rows of its covariance,
+    from its first variance to its last.
+    """
+    square = rate * rate
+    square += spread[:: len(spread) - 1]
+    square *= time_variance
+    return base[0] + square[0], base[1] + time_variance * (rate[0] * rate[1] + spread[1]), base[2] + square[1]
 
 
 def _all_columns(P: Array) -> tuple[Array, ...]:
@@ -251,40 +296,33 @@ def lagged_innovation(
     c = _all_columns(P)
     half = 0.5 * lag * lag
     if first == 0:
-        a0 = c[0] - lag * c[2] + half * c[4]
-        a1 = c[1] - lag * c[3] + half * c[5]
+        a = np.stack([c[k] - lag * c[2 + k] + half * c[4 + k] for k in (0, 1)])
         seen = x[0:2] - lag * x[2:4] + half * x[4:6]
-        s0 = a0[0:2] - lag * a0[2:4] + half * a0[4:6]
-        s1 = a1[0:2] - lag * a1[2:4] + half * a1[4:6]
+        spread = a[:, 0:2] - lag * a[:, 2:4] + half * a[:, 4:6]
     else:
-        a0 = c[2] - lag * c[4]
-        a1 = c[3] - lag * c[5]
+        a = np.stack([c[2 + k] - lag * c[4 + k] for k in (0, 1)])
         seen = x[2:4] - lag * x[4:6]
-        s0 = a0[2:4] - lag * a0[4:6]
-        s1 = a1[2:4] - lag * a1[4:6]
-    c00 = s0[0] + r00
-    c01 = s0[1] + r01
-    c11 = s1[1] + r11
-    n0 = z0 - seen[0]
-    n1 = z1 - seen[1]
-    ell = c01 / c00
-    s = c11 - ell * c01
-    m = n1 - ell * n0
-    return Innovation(a0, a1, n0, n1, c00, ell, s, n0 * n0 / c00 + m * m / s)
+        spread = a[:, 2:4] - lag * a[:, 4:6]
+    return _innovation(a, spread, seen, z0, z1, r00, r01, r11)
 
 
 def apply(x: Array, P: Array, i: Innovation, ok: Bools) -> Gains:
     """Use the innovation where ``ok`` (shape broadcastable to the lanes), in place; gains are zero elsewhere."""
-    i0 = np.sqrt(ok / i.c00)
-    i1 = np.sqrt(ok / i.s)
-    a1 = i1 * (i.a1 - i.ell * i.a0)
-    a0 = i0 * i.a0
-    m0 = i0 * i.n0
-    m1 = i1 * (i.n1 - i.ell * i.n0)
-    x += a0 * m0
-    x += a1 * m1
-    subtract_outer(P, a0, a1)
-    return Gains(a0, a1, m0, m1, i0, -i.ell * i1, i1, i.d2, i.c00 * i.s, ok)
+    scale = np.empty((2, *i.c00.shape))
+    np.divide(ok, i.c00, out=scale[0])
+    np.divide(ok, i.s, out=scale[1])
+    np.sqrt(scale, out=scale)
+    a = np.empty(i.a.shape)
+    np.subtract(i.a[1], i.ell * i.a[0], out=a[1])
+    a[0] = i.a[0]
+    a *= scale[:, None]
+    m = np.empty(scale.shape)
+    m[0] = i.n0
+    np.subtract(i.n1, i.ell * i.n0, out=m[1])
+    m *= scale
+    x += np.einsum("kc...,k...->c...", a, m)
+    P -= outer_sum(a)
+    return Gains(a, m, scale, i.ell, i.d2, i.c00 * i.s, ok)
 
 
 def update_position(x: Array, P: Array, z0: Array, z1: Array, r00: Array, r01: Array, r11: Array, ok: Bools) -> Gains:
@@ -306,62 +344,61 @@ class Adjoint:
     """
 
     def __init__(self, n: int) -> None:
-        self.vector = np.zeros((6, n))
-        self.matrix = np.zeros((6, 6, n))
+        # Lambda in columns 0 to 5 and lambda in column 6: what goes over rows goes over both.
+        self.columns = np.zeros((6, 7, n))
+
+    @property
+    def vector(self) -> Array:
+        """lambda ``(6, n)``, a view."""
+        return self.columns[:, 6]
+
+    @property
+    def matrix(self) -> Array:
+        """Lambda ``(6, 6, n)``, a view."""
+        return self.columns[:, :6]
 
     def lanes(self, m: int) -> Adjoint:
         """The first ``m`` lanes, as a view."""
         part = Adjoint.__new__(Adjoint)
-        part.vector = self.vector[:, :m]
-        part.matrix = self.matrix[:, :, :m]
+        part.columns = self.columns[:, :, :m]
         return part
 
     def through_update(self, first: int, g: Gains) -> None:
         """Go back through an update of position (``first = 0``) or velocity (``first = 2``)."""
-        lam, L = self.vector, self.matrix
-        b0 = np.einsum("ijn,jn->in", L, g.a0)
-        b1 = np.einsum("ijn,jn->in", L, g.a1)
-        e0 = np.einsum("in,in->n", g.a0, lam) + g.m0
-        e1 = np.einsum("in,in->n", g.a1, lam) + g.m1
-        # G is I + a' Lambda a on the lanes where the update was used; the whitening is zero elsewhere.
-        g00 = 1.0 + np.einsum("in,in->n", g.a0, b0)
-        g01 = np.einsum("in,in->n", g.a0, b1)
-        g11 = 1.0 + np.einsum("in,in->n", g.a1, b1)
-        c, d = first, first + 1
-        # Rows of H whitened: Ht = [[h00, 0], [h10, h11]]; each product below is Ht' times something.
-        lam[c] -= g.h00 * e0 + g.h10 * e1
-        lam[d] -= g.h11 * e1
-        u0 = g.h00 * b0 + g.h10 * b1
-        u1 = g.h11 * b1
-        L[c] -= u0
-        L[d] -= u1
-        L[:, c] -= u0
-        L[:, d] -= u1
-        w00 = g.h00 * g00 + g.h10 * g01
-        w10 = g.h00 * g01 + g.h10 * g11
-        L[c, c] += w00 * g.h00 + w10 * g.h10
-        L[c, d] += w10 * g.h11
-        L[d, c] += w10 * g.h11
-        L[d, d] += g.h11 * g11 * g.h11
+        C, rows = self.columns, slice(first, first + 2)
+        # a' Lambda, a' lambda + m and G = I + a' Lambda a side by side. a and m are zero where nothing was used.
+        B = np.empty((2, 9, C.shape[2]))
+        np.einsum("ijn,kin->kjn", C, g.a, out=B[:, :7])
+        B[:, 6] += g.m
+        np.einsum("kin,lin->kln", B[:, :6], g.a, out=B[:, 7:9])
+        B[0, 7] += 1.0
+        B[1, 8] += 1.0
+        # H' times all that, H whitened like the rest; its scale is zero where nothing was used.
+        B *= g.scale[:, None]
+        B[0] -= g.ell * B[1]
+        C[rows] -= B[:, :7]
+        C[:, rows] -= B[:, :6].swapaxes(0, 1)
+        G = B[:, 7:9] * g.scale
+        G[:, 0] -= g.ell * G[:, 1]
+        # Symmetric to the last bit, or long gaps would lose half of their digits.
+        G[1, 0] = G[0, 1]
+        C[rows, rows] += G
 
     def through_turn(self, lanes: Ints, cos: Array, sin: Array) -> None:
         """Go back through a turn of some lanes' acceleration: by the transposed rotation."""
-        lam, L = self.vector[4:6, lanes], self.matrix[:, :, lanes]
-        self.vector[4:6, lanes] = cos * lam[0] + sin * lam[1], cos * lam[1] - sin * lam[0]
-        L[4], L[5] = cos * L[4] + sin * L[5], cos * L[5] - sin * L[4]
-        L[:, 4], L[:, 5] = cos * L[:, 4] + sin * L[:, 5], cos * L[:, 5] - sin * L[:, 4]
-        self.matrix[:, :, lanes] = L
+        C = self.columns[:, :, lanes]
+        C[4], C[5] = cos * C[4] + sin * C[5], cos * C[5] - sin * C[4]
+        C[:, 4], C[:, 5] = cos * C[:, 4] + sin * C[:, 5], cos * C[:, 5] - sin * C[:, 4]
+        self.columns[:, :, lanes] = C
 
     def through_step(self, h: Array) -> None:
         """Go back over a time step ``h`` ``(n,)`` [s]: Lambda becomes F' Lambda F."""
-        lam, L = self.vector, self.matrix
+        C = self.columns
         g = 0.5 * h * h
-        L[4:6] += h * L[2:4] + g * L[0:2]
-        L[2:4] += h * L[0:2]
-        L[:, 4:6] += h * L[:, 2:4] + g * L[:, 0:2]
-        L[:, 2:4] += h * L[:, 0:2]
-        lam[4:6] += h * lam[2:4] + g * lam[0:2]
-        lam[2:4] += h * lam[0:2]
+        C[2:6] += h * C[0:4]
+        C[4:6] += g * C[0:2]
+        C[:, 2:6] += h * C[:, 0:4]
+        C[:, 4:6] += g * C[:, 0:2]
 
     def smooth(self, x: Array, P: Array) -> tuple[Array, Array]:
         """Smoothed state ``(6, n)`` and full covariance ``(n, 6, 6)`` where the filter had ``x`` and ``P``."""

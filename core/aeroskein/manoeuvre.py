@@ -102,8 +102,7 @@ def transition(h: Array, models: ModelSet = DETECTOR) -> Array:
     """Transition probabilities over ``h`` ``(n,)`` [s] as ``(3, 3, n)``, from row to column."""
     r = models.rates[:, :, None]
     T = r * h / (1.0 + 2.0 * r * h)
-    for i in range(MODELS):
-        T[i, i] = 1.0 - T[i].sum(axis=0)
+    T.reshape(MODELS * MODELS, -1)[:: MODELS + 1] = 1.0 - T.sum(axis=1)
     return T
 
 
@@ -119,9 +118,13 @@ def _mix(x: Array, P: Array, mu: Array, h: Array, models: ModelSet) -> tuple[Arr
     S[:, 0:3] = P
     weights = np.empty((6, MODELS, n))
     weights[0:3] = W
-    for k, (i, j) in enumerate(((0, 1), (0, 2), (1, 2))):
-        kalman.outer(x[:, i] - x[:, j], S[:, 3 + k])
-        np.multiply(W[i], W[j], out=weights[3 + k])
+    # The pairs (0, 1), (0, 2) and (1, 2).
+    d = np.empty((6, 3, n))
+    np.subtract(x[:, 0:1], x[:, 1:3], out=d[:, 0:2])
+    np.subtract(x[:, 1], x[:, 2], out=d[:, 2])
+    kalman.outer(d, S[:, 3:6])
+    np.multiply(W[0:1], W[1:3], out=weights[3:5])
+    np.multiply(W[1], W[2], out=weights[5])
     return mixed_x, np.einsum("cin,ijn->cjn", S, weights), c
 
 
@@ -200,22 +203,17 @@ def step(
     turns : bool
         Whether the second model is a turn at constant speed.
     """
-    vx, vy = x[2], x[3]
     before = x[2:4, 1].copy() if turns else None
     # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
-    r00 = base[0] + time_variance * (vx * vx + P[12])
-    r01 = base[1] + time_variance * (vx * vy + P[13])
-    r11 = base[2] + time_variance * (vy * vy + P[17])
+    r00, r01, r11 = kalman.stamp_noise(base, time_variance, x[2:4], P[12:18])
     i = innovation(x, P, 0, z[0], z[1], r00, r01, r11, lag)
     nearest = i.d2.min(axis=0)
     ok = usable & (nearest <= gate)
     mu = _reweigh(mu, kalman.apply(x, P, i, ok))
     has_velocity = ok & np.isfinite(velocity_variance)
     if has_velocity.any():
-        rv, ax, ay = np.where(has_velocity, velocity_variance, 1.0), x[4], x[5]
-        r00 = rv + time_variance * (ax * ax + P[20])
-        r01 = time_variance * (ax * ay + P[21])
-        r11 = rv + time_variance * (ay * ay + P[23])
+        rv = np.where(has_velocity, velocity_variance, 1.0)
+        r00, r01, r11 = kalman.stamp_noise((rv, 0.0, rv), time_variance, x[4:6], P[20:24])
         z = np.where(has_velocity, z, 0.0)  # a NaN times a gain of zero would still be a NaN
         iv = innovation(x, P, 2, z[2], z[3], r00, r01, r11, lag)
         has_velocity &= iv.d2.min(axis=0) <= gate
@@ -238,9 +236,8 @@ def mixture(x: Array, P: Array, mu: Array) -> tuple[Array, Array]:
     """One state ``(6, n)`` and covariance ``(24, n)`` from three models: moments of the mixture."""
     mean = np.einsum("cin,in->cn", x, mu)
     P_mean = np.einsum("cin,in->cn", P, mu)
-    product = np.empty_like(P_mean)
-    for i in range(MODELS):
-        P_mean += mu[i] * kalman.outer(x[:, i] - mean, product)
+    away = (x - mean[:, None]) * np.sqrt(mu)
+    P_mean += kalman.outer_sum(away.swapaxes(0, 1))
     return mean, P_mean
 
 
