@@ -17,6 +17,7 @@ __all__ = ["Anteroom"]
 
 # Usual delays of radar plots are below this. [s]
 AGE_S: Final = 2.0
+NOBODY: Final = Plots.of(0)
 
 
 class Anteroom:
@@ -30,7 +31,7 @@ class Anteroom:
 
     def __init__(self, is_radar: Bools) -> None:
         self._is_radar = is_radar
-        self._waiting = Plots.of(0)
+        self._waiting = NOBODY
         self._until_s: Array = np.zeros(0)
 
     def let_in(self, plots: Plots, now_s: float) -> Plots:
@@ -51,7 +52,7 @@ class Anteroom:
         """Plots that have waited long enough; all of them at the end of time."""
         done = self._until_s <= now_s
         if not done.any():
-            return Plots.of(0)
+            return NOBODY
         out = self._waiting.take(np.flatnonzero(done))
         self._waiting, self._until_s = self._waiting.take(np.flatnonzero(~done)), self._until_s[~done]
         return out

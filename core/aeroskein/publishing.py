@@ -33,14 +33,14 @@ def live_state(state: EngineState, slots: Ints, time_s: Array, seq: Ints) -> Fus
     """The live states of tracks at the given times, without publishing anything."""
     live, tracks = state.live, state.tracks
     n = len(slots)
-    x, P = live.state_at(slots, time_s)
+    motion = live.bank.motion_at(slots, time_s)
     altitude, height, rate, _ = live.vertical.at(slots, time_s)
     status = tracks.status[slots]
     flags = tracks.flags[slots].copy()
     # The last point of a track that ended is a prediction too.
     flags[status >= Status.COASTING] |= np.uint16(Flag.COASTED)
     return assemble(
-        Product.LIVE, slots, PlaneState(time_s, x[:4], P[[0, 1, 7]], P[[12, 13, 17]], altitude, height, rate),
+        Product.LIVE, slots, PlaneState(time_s, *motion, altitude, height, rate),
         tracks, state.frames,
         seq=seq,
         element=np.full(n, -1, dtype=np.int64),

@@ -65,16 +65,18 @@ class Receiver:
         batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
         reports = self._measured(batch)
         # Registration compares ranges: what may be another aircraft's has none.
-        reports.range_m[np.isin(batch.rows, named.unsure)] = np.nan
+        reports.range_m[_among(batch.rows, named.unsure)] = np.nan
         kept = self._unrepeated(batch, reports, verdicts)
         kept = kept[np.lexsort((batch.plots.time_s[kept], batch.slot[kept]))]
-        batch, reports = batch.take(kept), reports.take(kept)
+        if len(kept) < len(batch) or (kept[1:] < kept[:-1]).any():
+            batch, reports = batch.take(kept), reports.take(kept)
         _give_velocity(reports, named)
         # Before any gate: what a gate refuses may be what contradicts the own positions.
-        self.believing.note(batch, reports, np.isin(batch.rows, named.unsure))
+        self.believing.note(batch, reports, _among(batch.rows, named.unsure))
         self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
-        batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
+        if not room.all():
+            batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
         self._clock.lap("buffer", len(rows))
         if not len(batch):
             return [*named.renamed]
@@ -82,7 +84,8 @@ class Receiver:
         accepted = state.live.receive(reports, begins)
         self._clock.lap("live", len(rows))
         fresh = np.unique(reports.slot[begins])
-        batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
+        if not accepted.all():
+            batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
         return [*named.renamed, *self._after(batch, reports, fresh, now_s)]
 
     def check(self, now_s: float) -> None:
@@ -188,6 +191,11 @@ def _give_velocity(reports: Measurements, named: Named) -> None:
     velocity = named.velocity_mps[order][place[made]]
     reports.v_east_mps[made], reports.v_north_mps[made] = velocity.T
     reports.velocity_variance[made] = INITIATED_SIGMA_MPS**2
+
+
+def _among(rows: Ints, some: Ints) -> Bools:
+    """Which rows are among some, of which there mostly are none."""
+    return np.isin(rows, some) if len(some) else np.zeros(len(rows), dtype=np.bool_)
 
 
 def _flag_ground(state: EngineState, slot: Ints, raw: Plots) -> None:

@@ -1,6 +1,7 @@
 """Banks of mode filters: work in rounds on many lanes is the work on each lane alone."""
 
 import numpy as np
+import pytest
 from tests import plain_algebra as plain
 
 from aeroskein import kalman, manoeuvre
@@ -156,3 +157,19 @@ def test_steady_state_is_the_first_models() -> None:
     for got, wanted in zip((east, north, v_east, v_north), work.x[:4, 0], strict=True):
         assert np.array_equal(got, wanted)
     assert manoeuvre.MODELS == 3
+
+
+@pytest.mark.parametrize("later_s", [0.0, 2.5])
+def test_what_a_point_needs_is_part_of_the_mixture(later_s: float) -> None:
+    tracks = bank(3)
+    east, north = place(tracks, 0)
+    for t in (1, 2, 3):
+        feed(tracks, 0, t, report(east + 80.0 * t**1.5, north + 30.0))
+    slots = np.arange(3)
+    x, P = tracks.mixture_at(slots, tracks.time_s + later_s)
+
+    motion, position_cov, velocity_cov = tracks.motion_at(slots, tracks.time_s + later_s)
+
+    plain.close(motion, x[:4], rtol=1e-12)
+    plain.close(position_cov, P[[0, 1, 7]], rtol=1e-12)
+    plain.close(velocity_cov, P[[12, 13, 17]], rtol=1e-12)

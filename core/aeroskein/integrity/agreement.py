@@ -41,7 +41,9 @@ LOOK_S: Final = 4.0
 SPEED_MIN_MPS: Final = 40.0
 _PRIOR: Final = np.array([LATENCY_SIGMA_S**2, ASIDE_SIGMA_M**2])
 
-_TABLES: Final = ("_y", "_info", "_w1", "_w2", "_time_s")
+# Columns of the sums that a mean is made of: information times difference (2), information (3), sums of weights and of
+# squared weights.
+_SUMS: Final = 7
 
 
 class Agreement:
@@ -58,13 +60,9 @@ class Agreement:
     def __init__(self, period_s: Array, slots: int) -> None:
         sensors = len(period_s)
         self._memory_s = np.append(FAST_PERIODS * period_s, SLOW_S)
-        # Per sensor (the last row: all sensors, slow memory), by slot: information times difference, information, sums
-        # of weights and squared weights, time.
-        self._y = np.zeros((sensors + 1, slots, 2))
-        self._info = np.zeros((sensors + 1, slots, 3))
-        self._w1 = np.zeros((sensors + 1, slots))
-        self._w2 = np.zeros((sensors + 1, slots))
-        self._time_s = np.full((sensors + 1, slots), -np.inf)
+        # By slot and sensor (the last: all sensors, slow memory).
+        self._sums = np.zeros((slots, sensors + 1, _SUMS))
+        self._time_s = np.full((slots, sensors + 1), -np.inf)
         # Own differences of a track: latency [s] and offset to the right of the flight [m], and their variances.
         self._own = np.zeros((slots, 2))
         self._own_variance = np.tile(_PRIOR, (slots, 1))
@@ -75,24 +73,21 @@ class Agreement:
         """Make room for more slots."""
         fresh = Agreement(self._memory_s[:-1] / FAST_PERIODS, slots)
         for name, column in vars(self).items():
-            if name in _TABLES:
-                getattr(fresh, name)[:, : column.shape[1]] = column
-            elif name != "_memory_s":
+            if name != "_memory_s":
                 getattr(fresh, name)[: len(column)] = column
         vars(self).update(vars(fresh))
 
     def reset(self, slot: Ints) -> None:
         """Forget these slots."""
-        for name, column in vars(self).items():
-            if name in _TABLES:
-                column[:, slot] = -np.inf if name == "_time_s" else 0.0
-            elif name != "_memory_s":
-                column[slot] = _PRIOR if name == "_own_variance" else 0.0
+        self._sums[slot] = 0.0
+        self._time_s[slot] = -np.inf
+        self._own[slot] = self._along[slot] = 0.0
+        self._own_variance[slot] = _PRIOR
+        self._speed[slot] = 0.0
 
     def forget_slow(self) -> None:
         """Empty the long memory: a radar in doubt has spoilt it."""
-        for name in ("_y", "_info", "_w1", "_w2"):
-            getattr(self, name)[-1] = 0.0
+        self._sums[:, -1] = 0.0
 
     def add(
         self,
@@ -130,9 +125,15 @@ class Agreement:
         inverse = _inverse(covariance_m2)
         distance = np.sqrt(np.maximum(_quadratic(inverse, rest), 0.0))
         weighted = _times(inverse, rest * np.minimum(1.0, CLIP / np.maximum(distance, 1e-12))[:, None])
-        self._remember(sensor, slot, time_s, weighted, inverse)
-        every = np.full(int(sure.sum()), len(self._y) - 1)
-        self._remember(every, slot[sure], time_s[sure], weighted[sure], inverse[sure])
+        one = np.ones(len(slot))
+        sums = columns_of(weighted[:, 0], weighted[:, 1], inverse[:, 0], inverse[:, 1], inverse[:, 2], one, one)
+        cell = slot * self._time_s.shape[1]
+        slow = cell[sure] + len(self._memory_s) - 1
+        self._remember(
+            np.concatenate([cell + sensor, slow]),
+            np.concatenate([time_s, time_s[sure]]),
+            np.concatenate([sums, sums[sure]]),
+        )
         allowed = self._own_variance[slot] * columns_of(speed**2, np.ones_like(speed))
         agrees = (
             _quadratic(_inverse(covariance_m2 + _turned(allowed + ALLOWED_M**2 / 4.0, along, right)), rest) < AGREES
@@ -160,64 +161,62 @@ class Agreement:
         by_sensor : (sensors, n) array
             Of each sensor's own fast mean; 0 where it has not looked lately.
         """
-        sensors = len(self._y) - 1
-        age_s = now_s - self._time_s[:, slot]
-        live = (age_s < 2.0 * self._memory_s[:, None]).astype(np.float64)
-        by_sensor = np.stack([self._sigmas(k, k, slot, live[k : k + 1]) for k in range(sensors)])
-        together = self._sigmas(0, sensors - 1, slot, live[:sensors] * sure[:, None])
-        slow = self._sigmas(sensors, sensors, slot, live[sensors:])
-        return np.maximum(together, slow), by_sensor
+        sensors = len(self._memory_s) - 1
+        live = now_s - self._time_s[slot].T < 2.0 * self._memory_s[:, None]
+        # Who has looked lately: most sensors never do, ADS-B for one.
+        lately = np.flatnonzero(live.any(axis=1))
+        by_sensor = np.zeros((sensors, len(slot)))
+        if not len(lately):
+            return np.zeros(len(slot)), by_sensor
+        sums = np.empty((_SUMS, len(lately) + 1, len(slot)))
+        np.multiply(self._sums[slot[:, None], lately].T, live[lately], out=sums[:, :-1])
+        fast = np.flatnonzero((lately < sensors) & np.append(sure, False)[lately])
+        sums[:, -1] = sums[:, fast].sum(axis=1)
+        sigmas = self._sigmas(sums, slot)
+        of_sensor = lately < sensors
+        by_sensor[lately[of_sensor]] = sigmas[:-1][of_sensor]
+        slow = sigmas[-2] if lately[-1] == sensors else np.zeros(len(slot))
+        return np.maximum(sigmas[-1], slow), by_sensor
 
-    def _sigmas(self, first: int, last: int, slot: Ints, live: Array) -> Array:
-        if not live.any():
-            return np.zeros(len(slot))
-        rows = slice(first, last + 1)
-        info = np.einsum("sk,skc->kc", live, self._info[rows][:, slot])
-        y = np.einsum("sk,skc->kc", live, self._y[rows][:, slot])
-        w1 = np.einsum("sk,sk->k", live, self._w1[rows][:, slot])
-        w2 = np.einsum("sk,sk->k", live, self._w2[rows][:, slot])
+    def _sigmas(self, sums: Array, slot: Ints) -> Array:
+        """Sigmas beyond the allowance of means given by their sums ``(7, means, n)``: ``(means, n)``."""
+        y0, y1, a, b, c, w1, w2 = sums
         some = w1 > WEIGHT_MIN
-        info = np.where(some[:, None], info, np.array([1.0, 0.0, 1.0]))
-        covariance = _inverse(info) * (w2 / np.maximum(w1, 1e-9))[:, None]
-        mean = _times(_inverse(info), y)
-        size = np.linalg.norm(mean, axis=1)
-        direction = mean / np.maximum(size, 1e-9)[:, None]
-        sigma = np.sqrt(np.maximum(_quadratic(covariance, direction), 1e-9))
-        allowed = self._allowance(slot, self._along[slot], self._speed[slot], direction)
-        return np.where(some, np.maximum(size - allowed, 0.0) / sigma, 0.0)
+        determinant = np.where(some, a * c - b * b, 1.0)
+        mean0, mean1 = (c * y0 - b * y1) / determinant, (a * y1 - b * y0) / determinant
+        size = np.hypot(mean0, mean1)
+        at_least = np.maximum(size, 1e-9)
+        d0, d1 = mean0 / at_least, mean1 / at_least
+        variance = (c * d0 * d0 - 2.0 * b * d0 * d1 + a * d1 * d1) / determinant * (w2 / np.maximum(w1, 1e-9))
+        along, speed = self._along[slot].T, self._speed[slot]
+        beyond = size - self._allowance(slot, speed, along[0] * d0 + along[1] * d1)
+        return np.where(some, np.maximum(beyond, 0.0) / np.sqrt(np.maximum(variance, 1e-9)), 0.0)
 
-    def _allowance(self, slot: Ints, along: Array, speed: Array, direction: Array) -> Array:
-        """Honest difference in a direction, ``(n,)``. [m]"""
-        cos = np.einsum("nc,nc->n", along, direction)
+    def _allowance(self, slot: Ints, speed: Array, cos: Array) -> Array:
+        """Honest difference at an angle to the flight, given its cosine ``(means, n)``. [m]"""
         late, aside = self._own_variance[slot].T
-        variance = late * (speed * cos) ** 2 + aside * (1.0 - np.minimum(cos**2, 1.0))
+        squared = cos * cos
+        variance = late * speed * speed * squared + aside * (1.0 - np.minimum(squared, 1.0))
         allowed: Array = ALLOWED_M + ALLOWED_SIGMAS * np.sqrt(variance)
         return allowed
 
-    def _remember(self, row: Ints, slot: Ints, time_s: Array, weighted: Array, inverse: Array) -> None:
-        self._fade(row, slot, time_s)
-        # Two radars may look at one track in one batch: both count in the common row.
-        np.add.at(self._y, (row, slot), weighted)
-        np.add.at(self._info, (row, slot), inverse)
-        np.add.at(self._w1, (row, slot), 1.0)
-        np.add.at(self._w2, (row, slot), 1.0)
-
-    def _fade(self, row: Ints, slot: Ints, time_s: Array) -> None:
-        if not len(slot):
-            return
-        slots = self._time_s.shape[1]
-        r, s = np.divmod(np.unique(row * slots + slot), slots)
-        order = np.argsort(slot, kind="stable")
-        begins = np.flatnonzero(np.diff(slot[order], prepend=-1))
-        newest = np.maximum.reduceat(time_s[order], begins)[np.searchsorted(slot[order][begins], s)]
-        old = self._time_s[r, s]
-        step_s = np.where(np.isfinite(old), np.maximum(newest - old, 0.0), np.inf)
-        keep = np.exp(-step_s / self._memory_s[r])
-        self._y[r, s] *= keep[:, None]
-        self._info[r, s] *= keep[:, None]
-        self._w1[r, s] *= keep
-        self._w2[r, s] *= keep**2
-        self._time_s[r, s] = np.maximum(newest, old)
+    def _remember(self, cell: Ints, time_s: Array, sums: Array) -> None:
+        """Let what the cells ``(n,)`` (slot and sensor) hold fade until now, and add to it."""
+        order = np.argsort(cell, kind="stable")
+        begins = np.flatnonzero(np.diff(cell[order], prepend=-1))
+        if len(begins) < len(cell):
+            # Two radars may look at one track in one batch: both count in the common row.
+            time_s = np.maximum.reduceat(time_s[order], begins)
+            sums = np.add.reduceat(sums[order], begins, axis=0)
+            cell = cell[order][begins]
+        held, times = self._sums.reshape(-1, _SUMS), self._time_s.reshape(-1)
+        old = times[cell]
+        step_s = np.where(np.isfinite(old), np.maximum(time_s - old, 0.0), np.inf)
+        keep = np.exp(-step_s / self._memory_s[cell % len(self._memory_s)])
+        faded = held[cell] * keep[:, None]
+        faded[:, -1] *= keep
+        held[cell] = faded + sums
+        times[cell] = np.maximum(time_s, old)
 
     def _learn(
         self, slot: Ints, speed: Array, along: Array, right: Array, difference_m: Array, covariance_m2: Array

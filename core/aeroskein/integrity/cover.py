@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein.ellipsoid import to_ecef
 from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["CoverMap", "polar_of"]
@@ -54,11 +53,13 @@ REFRESH_S: Final = 5.0
 REFRESH_GROWTH: Final = 0.1
 
 
-def polar_of(site: Array, lat_deg: Array, lon_deg: Array, height_m: Array) -> tuple[Array, Array, Array]:
-    """Slant range, azimuth and geometric elevation from a radar's frame ``(12,)``: ``(n,)`` each. [m, deg, deg]"""
-    away = to_ecef(lat_deg, lon_deg, np.nan_to_num(height_m)) - site[0:3]
-    e, n, u = away @ site[3:6], away @ site[6:9], away @ site[9:12]
-    range_m = np.sqrt(e**2 + n**2 + u**2)
+def polar_of(site: Array, ecef_m: Array) -> tuple[Array, Array, Array]:
+    """Slant range, azimuth and geometric elevation of points ``(n, 3)`` from a radar's frame ``(12,)``: ``(n,)`` each.
+
+    [m, m] to [m, deg, deg]
+    """
+    e, n, u = site[3:].reshape(3, 3) @ (ecef_m - site[0:3]).T
+    range_m = np.sqrt(e * e + n * n + u * u)
     elevation = np.degrees(np.arcsin(u / np.maximum(range_m, 1.0)))
     return range_m, np.mod(np.degrees(np.arctan2(e, n)), 360.0), elevation
 
@@ -88,27 +89,27 @@ class CoverMap:
         """Count plots of any aircraft, ``(n,)`` each; rows with NaN are left out."""
         known = np.isfinite(range_m + azimuth_deg + elevation_deg)
         self._plots += int(known.sum())
-        np.add.at(self._seen, self._cells(range_m[known], azimuth_deg[known], elevation_deg[known]), 1.0)
+        np.add.at(self._seen.reshape(-1), self._cells(range_m[known], azimuth_deg[known], elevation_deg[known]), 1.0)
         self._age(time_s)
 
     def looked(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, hit: Bools) -> None:
         """Count looks at aircraft that the radar is known to see: found or missed, ``(n,)`` each."""
         cells = self._cells(range_m, azimuth_deg, elevation_deg)
-        np.add.at(self._hits, cells, hit.astype(np.float64))
-        np.add.at(self._misses, cells, (~hit).astype(np.float64))
+        np.add.at(self._hits.reshape(-1), cells, hit.astype(np.float64))
+        np.add.at(self._misses.reshape(-1), cells, (~hit).astype(np.float64))
 
     def detection(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float) -> Array:
         """Probability that a turn of the radar shows an aircraft there, ``(n,)``; 0 outside cover."""
         if now_s - self._fresh_s > REFRESH_S or self._plots > (1.0 + REFRESH_GROWTH) * self._proved_plots:
             self._refresh(now_s)
         cells = self._cells(range_m, azimuth_deg, elevation_deg)
-        covered = self._proofs[cells] >= PROOFS
+        covered = self._proofs.reshape(-1)[cells] >= PROOFS
         if self._range_max_m is not None:
             # The geometric elevation of the horizon is that of the refracted ray.
             dip_deg = np.degrees(range_m / 2.0 * (1.0 / 6_371_000.0 - 1.0 / EFFECTIVE_RADIUS_M))
             covered |= (range_m < self._range_max_m) & (elevation_deg + dip_deg > HORIZON_MARGIN_DEG)
         covered &= (range_m > RANGE_MIN_M) & (elevation_deg < ELEVATION_MAX_DEG)
-        hits, misses = self._hits[cells], self._misses[cells]
+        hits, misses = self._hits.reshape(-1)[cells], self._misses.reshape(-1)[cells]
         share = (hits + DETECTION_PRIOR * DETECTION_WEIGHT) / (hits + misses + DETECTION_WEIGHT)
         covered &= share > DETECTION_MIN
         return np.where(covered, np.minimum(share, DETECTION_MAX), 0.0)
@@ -143,8 +144,10 @@ class CoverMap:
                 table *= keep
             self._time_s = time_s
 
-    def _cells(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array) -> tuple[Ints, Ints, Ints]:
+    def _cells(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array) -> Ints:
+        """Places ``(n,)`` in the flattened tables."""
         sector = np.floor(azimuth_deg * (SECTORS / 360.0)).astype(np.int64) % SECTORS
-        ring = np.clip(range_m / RANGE_BIN_M, 0, RANGE_BINS - 1).astype(np.int64)
-        level = np.searchsorted(ELEVATION_EDGES_DEG, elevation_deg, side="right") - 1
-        return sector, ring, np.clip(level, 0, len(ELEVATION_EDGES_DEG) - 1)
+        ring = np.minimum(np.maximum(range_m / RANGE_BIN_M, 0), RANGE_BINS - 1).astype(np.int64)
+        level = np.maximum(np.searchsorted(ELEVATION_EDGES_DEG, elevation_deg, side="right") - 1, 0)
+        cells: Ints = (sector * RANGE_BINS + ring) * len(ELEVATION_EDGES_DEG) + level
+        return cells

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein.geodesy import frame_rows, from_ecef
+from aeroskein.geodesy import frame_rows, from_ecef, to_ecef
 from aeroskein.integrity.agreement import Agreement
 from aeroskein.integrity.cover import CoverMap, polar_of
 from aeroskein.plots import Array, Bools, Ints, columns_of
@@ -265,8 +265,9 @@ class Integrity:
             Slots whose belief has changed.
         """
         current = now_s - self._own_s[slot] < OWN_AGE_S + 2.0
+        ecef_m = to_ecef(lat_deg, lon_deg, np.nan_to_num(height_m))
         for k, site in self._sites.items():
-            self._count_misses(k, slot, current, *polar_of(site, lat_deg, lon_deg, height_m), now_s)
+            self._count_misses(k, slot, current, *polar_of(site, ecef_m), now_s)
         before = self._belief[slot].copy()
         believed = ~self._in_doubt
         combined, by_sensor = self._agreement.strength(slot, now_s, believed)

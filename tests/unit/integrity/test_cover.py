@@ -4,7 +4,7 @@ import numpy as np
 import pymap3d
 import pytest
 
-from aeroskein.geodesy import frame_rows
+from aeroskein.geodesy import frame_rows, to_ecef
 from aeroskein.integrity.cover import CoverMap, polar_of
 
 
@@ -21,7 +21,7 @@ def test_polar_coordinates_are_those_of_pymap3d() -> None:
     site = frame_rows(np.array([48.0]), np.array([11.0]), 400.0)[0]
     lat, lon, height = np.array([49.0, 47.5]), np.array([12.0, 11.1]), np.array([9000.0, 3000.0])
 
-    range_m, azimuth_deg, elevation_deg = polar_of(site, lat, lon, height)
+    range_m, azimuth_deg, elevation_deg = polar_of(site, to_ecef(lat, lon, height))
 
     azimuth, elevation, slant = pymap3d.geodetic2aer(lat, lon, height, 48.0, 11.0, 400.0)
     assert range_m == pytest.approx(slant, abs=1e-3)
