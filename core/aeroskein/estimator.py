@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein import coordinated_turn, kalman
+from aeroskein.adjoint import Adjoint
 from aeroskein.closed import Estimate
 from aeroskein.elements import BOUNDARY_SIGMAS, clamped_half_width
 from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
@@ -229,8 +230,8 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
     forward.run(q)
     kind = window.kind
     n = kind.shape[1]
-    adjoint = kalman.Adjoint(n)
-    centre = kalman.Adjoint(n)
+    adjoint = Adjoint(n)
+    centre = Adjoint(n)
     first_centre = int((kind == CENTRE).argmax(axis=0).min()) if n else 0
     for k in range(len(forward.steps) - 1, first_centre - 1, -1):
         step = forward.steps[k]

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from tests import plain_algebra as plain
 
 from aeroskein import coordinated_turn, kalman
+from aeroskein.adjoint import Adjoint
 
 N = 7
 # Stored elements that stand on both sides of a diagonal, as rows.
@@ -257,7 +258,7 @@ def test_adjoint_pass_is_rauch_tung_striebel(seed: int, gaps: list[float]) -> No
         updates.append(run_kernels(x, P, event))
         filtered.append((x.copy(), P.copy()))
 
-    adjoint, found = kalman.Adjoint(1), []
+    adjoint, found = Adjoint(1), []
     for event, (turned, gains), state in zip(events[::-1], updates[::-1], filtered[::-1], strict=True):
         found.append(adjoint.smooth(*state))
         for first, gain in reversed(gains):
@@ -287,7 +288,7 @@ def test_adjoint_pass_is_exact_in_ordinary_flight() -> None:
         if k == 4:
             centre = x.copy(), P.copy()
 
-    adjoint = kalman.Adjoint(1)
+    adjoint = Adjoint(1)
     for event, (turned, gains) in zip(events[:4:-1], updates[:4:-1], strict=True):
         for first, gain in reversed(gains):
             adjoint.through_update(first, gain)
@@ -302,14 +303,14 @@ def test_adjoint_pass_is_exact_in_ordinary_flight() -> None:
 def test_nothing_later_leaves_the_filter_as_it_is() -> None:
     _, x, full, P = lanes(13)
 
-    smoothed_x, smoothed_P = kalman.Adjoint(N).smooth(x, P)
+    smoothed_x, smoothed_P = Adjoint(N).smooth(x, P)
 
     assert np.array_equal(smoothed_x, x)
     assert np.array_equal(smoothed_P, full)
 
 
 def test_part_of_an_adjoint_is_a_view() -> None:
-    whole = kalman.Adjoint(5)
+    whole = Adjoint(5)
 
     whole.lanes(2).vector[:] = 1.0
 
