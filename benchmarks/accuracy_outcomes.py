@@ -17,6 +17,7 @@ from benchmarks.accuracy_scenes import Fused, Report, Scene, Sky, fuse, simulate
 
 from aeroskein.evaluation import PointColumns
 from aeroskein.plots import Bools
+from aeroskein.points import Status
 from aeroskein.settings import SensorSettings
 
 __all__ = ["Figure", "Outcome", "Want", "outcome_of"]
@@ -57,8 +58,9 @@ class Want:
 class Outcome:
     """Errors of everything that a scene was flown for, by name.
 
-    ``errors`` has ``element``, ``live``, the raw sensors by id, and where wanted ``smoother``, ``imm``, ``imm-ukf``,
-    ``circle`` and the other libraries' estimators; ``start_s`` is the first report of the scene.
+    ``errors`` has ``element``, ``live``, the raw sensors by id, and where wanted ``smoother``, ``imm``, ``imm-ukf`` and
+    ``live at reports`` (the same instants), ``circle`` and the other libraries' estimators; ``start_s`` is the first
+    report of the scene.
     """
 
     scene: Scene
@@ -170,6 +172,8 @@ def outcome_of(
         if want.zero_lag:
             columns["imm"] = references.zero_lag(fused.live, "imm")
             columns["imm-ukf"] = references.zero_lag(fused.live, "imm-ukf")
+            # Predictions of silent tracks have no counterpart there.
+            columns["live at reports"] = columns["live"].take(fused.live.status != Status.COASTING)
         if want.circle:
             columns["circle"] = References(scene, sky, clean=True).circle(fused.element)
         if want.libraries:

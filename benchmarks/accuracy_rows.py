@@ -70,7 +70,7 @@ def _live(o: Outcomes) -> list[Figure]:
         out = o[name]
         for family in out.scene.families:
             best = min(("imm", "imm-ukf"), key=lambda which: out.rms(which, family))
-            value, interval = out.ratio("live", best, family)
+            value, interval = out.ratio("live at reports", best, family)
             made.append(
                 Figure(
                     row="live / best zero-lag reference",
