@@ -71,8 +71,10 @@ class Tally:
         return 100.0 * self.right / (self.right + self.wrong)
 
 
-def decide(associator: Associator, s: Scan, number: int, local_track: Ints, with_velocity: bool) -> Ints:
-    """Track of every plot of a scan, -1 where none."""
+def decide(
+    associator: Associator, s: Scan, number: int, local_track: Ints, with_velocity: bool, spared: bool = False
+) -> Ints:
+    """Track of every plot of a scan, -1 where none; ``spared``: the tracks do well without."""
     n = len(s.truth)
     pairs = candidates(s, with_velocity)
     decision = associator.decide(
@@ -81,11 +83,14 @@ def decide(associator: Associator, s: Scan, number: int, local_track: Ints, with
         np.full(n, number * SCAN_S),
         pairs,
         np.zeros(len(pairs), dtype=np.bool_),
+        np.full(len(pairs), spared),
     )
     return np.where(decision.pair >= 0, pairs.track[decision.pair], -1)
 
 
-def accuracy(kind: str, aircraft: int, with_velocity: bool, scans: int, method: str, repeats: int) -> Tally:
+def accuracy(
+    kind: str, aircraft: int, with_velocity: bool, scans: int, method: str, repeats: int, spared: bool = False
+) -> Tally:
     """Scenes of one kind; the last scan counts."""
     rng = np.random.default_rng(aircraft)
     tally = Tally()
@@ -96,7 +101,7 @@ def accuracy(kind: str, aircraft: int, with_velocity: bool, scans: int, method: 
             s = scan(place + velocity * (SCAN_S * k), velocity, rng)
             # Over several scans the radar numbers its targets; a single scan stands for itself.
             local_track = np.where(s.truth >= 0, s.truth, -1) if scans > 1 else np.full(len(s.truth), -1)
-            given = decide(associator, s, k, local_track, with_velocity)
+            given = decide(associator, s, k, local_track, with_velocity, spared)
         tally.count(s.truth, given)
     return tally
 
@@ -104,24 +109,27 @@ def accuracy(kind: str, aircraft: int, with_velocity: bool, scans: int, method: 
 def table(repeats: int) -> None:
     """Right association by kind of traffic and method."""
     print("right association [%] (not given any track [%]; false plots given a track per scan)")
-    for kind, with_velocity, scans in (
-        ("random", True, 1),
-        ("crossing", False, 1),
-        ("crossing", True, 1),
-        ("formation", True, 1),
-        ("formation", True, 3),
+    for kind, with_velocity, scans, spared in (
+        ("random", True, 1, False),
+        ("crossing", False, 1, False),
+        ("crossing", False, 1, True),
+        ("crossing", True, 1, False),
+        ("formation", True, 1, False),
+        ("formation", True, 1, True),
+        ("formation", True, 3, False),
     ):
         for method in ("mahalanobis", "ahp"):
             cells = []
             for aircraft in (20, 100, 300):
                 turns = max(repeats * 100 // aircraft, 10)
-                t = accuracy(kind, aircraft, with_velocity, scans, method, turns)
+                t = accuracy(kind, aircraft, with_velocity, scans, method, turns, spared)
                 alone = 100.0 * t.alone / (t.right + t.wrong + t.alone)
                 cells.append(f"{aircraft:3d}: {t.share:6.2f} ({alone:.2f}; {t.false / turns:.2f})")
                 goal = GOALS.get((kind, with_velocity, scans))
                 if goal is not None and method == "mahalanobis":
                     require(t.share >= goal, f"{kind}, {scans} scans, {aircraft} aircraft: {t.share:.2f} >= {goal}")
             name = f"{kind}{', velocity' if with_velocity else ''}, {scans} scan{'s' if scans > 1 else ''}"
+            name += ", spared" if spared else ""
             print(f"    {name:32s} {method:12s} " + "  ".join(cells))
 
 

@@ -2,9 +2,10 @@
 
     python -m benchmarks.association_engine [--seeds N] [--hours H] [--case NAME ...]
 
-Aircraft have ADS-B; a radar (4 s, 100 m, 0.15 degrees, detection 0.9) sees them without address and code. Right
-association is the share of plots that were given their own aircraft's track, of those that were given one. Tracks per
-aircraft, swaps and false tracks are those of ``aeroskein evaluate``. Exit status 1 when a goal is missed.
+In cases ``plots`` and ``tracks`` aircraft have ADS-B, and a radar (4 s, 100 m, 0.15 degrees, detection 0.9) sees them
+without address and code; in ``primary`` and ``false-tracks`` only primary radars see them. Right association is the
+share of plots that were given their own aircraft's track, of those that were given one. Tracks per aircraft, swaps and
+false tracks are those of ``aeroskein evaluate``. Exit status 1 when a goal is missed.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ import numpy as np
 from benchmarks.engine_runs import RADARS, SENSORS, fly, judged, true_flights
 from benchmarks.goals import require, verdict
 
+from aeroskein.evaluation import Truth, TruthCurve
+from aeroskein.evaluation.neighbours import near_pairs
 from aeroskein.events import Dispositions
 from aeroskein.plots import Array, Plots
-from aeroskein.points import Product
+from aeroskein.points import FusedPoints, Product
 from aeroskein.reasons import Reason
 from aeroskein.settings import AssociationSettings, EngineSettings, RegistrationSettings, SensorSettings
 from aeroskein.simulation import SensorErrors, SimulationSettings
@@ -45,6 +48,15 @@ GOALS: Final[dict[tuple[Scenario, bool, bool], float]] = {
     ("formation", True, True): 99.5,
 }
 FALSE_TRACKS_PER_HOUR: Final = 1.0
+# A track has gone over to another aircraft when it is nearer to it for so long. While two pass each other within the
+# errors of their tracks, either track may be nearer to either. [s], [blocks]
+BLOCK_S: Final = 10.0
+LASTING_BLOCKS: Final = 3
+# Beyond this a track has nothing to do with an aircraft. [m]
+NEAR_M: Final = 5000.0
+# Tracks that end before this are not judged. [s]
+JUDGED_FROM_S: Final = 60.0
+PRIMARY_S: Final = 300.0
 
 
 @dataclass
@@ -150,11 +162,65 @@ def _summary(
     for seed in range(1, seeds + 1):
         flights = SimulationSettings(scenario=scenario, aircraft=AIRCRAFT, seed=seed, duration_s=SECONDS, errors=errors)
         events = [event for step in fly([flights], settings) for event in step.events]
-        found = judged(events, true_flights(flights, sensors), Product.ELEMENT).identity
+        found = judged(_lived(events), true_flights(flights, sensors), Product.ELEMENT).identity
         counted += [found.tracks, found.flights_tracked, found.swaps, found.false_tracks]
     made, aircraft, swaps, false = counted
     require(made == aircraft and swaps == 0, f"{scenario}: one track per aircraft and no swap")
     return f"{made / aircraft:.3f} tracks per aircraft, {swaps:.0f} swaps, {false:.0f} false tracks ({seeds} runs)"
+
+
+def _lived(events: list[Any]) -> list[Any]:
+    """The element points of tracks that lived beyond the first minute: who leaves before it is not judged."""
+    points = FusedPoints.concatenate([e for e in events if isinstance(e, FusedPoints) and e.product == Product.ELEMENT])
+    late = points.time_s > points.time_s.min() + JUDGED_FROM_S
+    return [points.take(np.isin(points.track_number, points.track_number[late]))]
+
+
+def primary(seeds: int) -> None:
+    """Aircraft that only primary radars see, ten false plots a scan; they meet in pairs, or over the first radar."""
+    scenarios: tuple[Scenario, ...] = ("crossing", "cruise")
+    for radars in (2, 1):
+        sensors = tuple(replace(r, kind="psr") for r in RADARS[:radars])
+        errors = tuple(SensorErrors(sensor=r.id, false_plots=10.0, range_max_m=200_000.0) for r in sensors)
+        for scenario in scenarios:
+            counted, square = np.zeros(5), 0.0
+            for seed in range(1, seeds + 1):
+                flights = SimulationSettings(
+                    scenario=scenario, aircraft=AIRCRAFT, seed=seed, duration_s=PRIMARY_S, errors=errors
+                )
+                events = [event for step in fly([flights], EngineSettings(sensors=sensors)) for event in step.events]
+                truth = true_flights(flights, sensors)
+                found = judged(events, truth, Product.LIVE)
+                who, rms = found.identity, found.accuracy.horizontal_m.rms
+                counted += [who.tracks, who.flights_judged, exchanges(events, truth), who.swaps, who.false_tracks]
+                square += np.nan if rms is None else rms**2 / seeds
+            made, aircraft, lasting, swaps, false = counted
+            name = f"{scenario}, {radars} primary radar{'s' if radars > 1 else ''} only"
+            print(f"{name}: {made / aircraft:.3f} tracks per aircraft, {lasting:.0f} exchanged for good, {swaps:.0f} at an"
+                  f" instant, {false:.0f} false tracks, {np.sqrt(square):.0f} m ({seeds} runs)")  # fmt: skip
+            require(lasting == 0, f"{name}: no aircraft exchange their tracks")
+            require(made == aircraft, f"{name}: one track per aircraft")
+            require(radars == 1 or false == 0, f"{name}: no false track")
+
+
+def exchanges(events: list[Any], truth: Truth) -> int:
+    """How often a track went over to another aircraft for good."""
+    points = FusedPoints.concatenate([e for e in events if isinstance(e, FusedPoints) and e.product == Product.LIVE])
+    near = near_pairs(points.time_s, points.lat_deg, points.lon_deg, TruthCurve(truth), NEAR_M)
+    block = np.floor(points.time_s[near.point] / BLOCK_S).astype(np.int64)
+    rows = np.stack([points.track_number[near.point], block, near.flight], axis=1)
+    cells, at = np.unique(rows, axis=0, return_inverse=True)
+    # Farther than the gate counts as the gate.
+    gain = np.bincount(at.reshape(-1), weights=NEAR_M - near.distance_m)
+    best = np.lexsort((-gain, cells[:, 1], cells[:, 0]))
+    _, first = np.unique(cells[best, :2], axis=0, return_index=True)
+    track, _, flight = cells[best[first]].T
+    found = 0
+    for number in np.unique(track):
+        own = flight[track == number]
+        runs = np.split(own, np.flatnonzero(np.diff(own)) + 1)
+        found += int((np.diff([run[0] for run in runs if len(run) >= LASTING_BLOCKS]) != 0).sum())
+    return found
 
 
 def false_tracks(hours: float) -> None:
@@ -183,6 +249,7 @@ def main() -> int:
     cases: dict[str, Callable[[], None]] = {
         "plots": lambda: plots_find_their_tracks(options.seeds),
         "tracks": lambda: tracks(options.seeds),
+        "primary": lambda: primary(options.seeds),
         "false-tracks": lambda: false_tracks(options.hours),
     }
     parser.add_argument("--case", action="append", default=[], choices=[*cases])
