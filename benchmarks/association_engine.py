@@ -196,8 +196,8 @@ def primary(seeds: int) -> None:
                 square += np.nan if rms is None else rms**2 / seeds
             made, aircraft, lasting, swaps, false = counted
             name = f"{scenario}, {radars} primary radar{'s' if radars > 1 else ''} only"
-            print(f"{name}: {made / aircraft:.3f} tracks per aircraft, {lasting:.0f} exchanged for good, {swaps:.0f} at an"
-                  f" instant, {false:.0f} false tracks, {np.sqrt(square):.0f} m ({seeds} runs)")  # fmt: skip
+            print(f"{name}: {made / aircraft:.3f} tracks per aircraft, {lasting:.0f} exchanged for good, {swaps:.0f} at"
+                  f" an instant, {false:.0f} false tracks, {np.sqrt(square):.0f} m ({seeds} runs)")  # fmt: skip
             require(lasting == 0, f"{name}: no aircraft exchange their tracks")
             require(made == aircraft, f"{name}: one track per aircraft")
             require(radars == 1 or false == 0, f"{name}: no false track")
