@@ -191,6 +191,10 @@ class Integrity:
         """Whose own positions may anchor registration, ``(n,)``: all but suspect ones."""
         return np.asarray(self._belief[slot] != Belief.SUSPECT)
 
+    def missed(self, slot: Ints) -> Array:
+        """Minus log of the chance that each track is there and has been missed as it was, ``(n,)``."""
+        return self._missed[slot]
+
     def alarms(self) -> list[str]:
         """What an operator should know, one sentence each."""
         out = [f"most aircraft disagree with {self._ids[k]}: its registration or its north is in doubt"
@@ -231,6 +235,7 @@ class Integrity:
         rows = np.sort(order[first])
         sensor, slot, time_s = plots.sensor[rows], plots.slot[rows], plots.time_s[rows]
         self._due_s[sensor, slot] = time_s + self._period_s[sensor]
+        self._before[sensor, slot] = np.nan
         self._hits[sensor, slot] += 1
         step_s = time_s - self._own_s[slot]
         near = np.abs(step_s) < OWN_AGE_S
@@ -342,7 +347,9 @@ class Integrity:
         due[~expected] = np.nan
         self._remember_before(k, slot, current & ~expected, expected, range_m, azimuth_deg, elevation_deg, now_s)
         turns = np.floor((self._newest_s[k] - due) / period_s - TURN_MARGIN) + 1.0
-        turns = np.where(expected, np.maximum(turns, 0.0), 0.0)
+        # One turn at a time, but for those that look back.
+        most = np.where(np.isin(np.arange(len(slot)), entering), LOOK_BACK_MISSES, 1.0)
+        turns = np.where(expected, np.clip(turns, 0.0, most), 0.0)
         missed = turns > 0.0
         due += turns * period_s
         self._due_s[k, slot] = due

@@ -151,3 +151,17 @@ def test_a_ghost_heard_before_anything_is_known_of_cover_is_found_as_soon_as_cov
 
     assert run.first_suspect(40) <= 15.0
     assert {a for _, a, b in run.changes if b == Belief.SUSPECT} == {40}
+
+
+def test_what_a_radar_saw_before_its_cover_was_known_there_was_not_missed() -> None:
+    # Low aircraft: whether cover holds them is proven late, and they are seen all the time.
+    run = Run(World(aircraft=60, seed=1))
+    run.height = run.rng.uniform(300.0, 2500.0, 60)
+    most = 0.0
+    for s in range(1, 60):
+        before = run.integrity.missed(np.arange(60))
+        run.second(float(s))
+        most = max(most, float((run.integrity.missed(np.arange(60)) - before).max()))
+
+    # One turn of each radar, at a detection of 0.97 at most.
+    assert most <= 2 * 3.6
