@@ -13,7 +13,6 @@ import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 from typing import Final
 
@@ -105,34 +104,39 @@ def _table(figures: list[Figure]) -> list[str]:
 
 def markdown(figures: list[Figure]) -> list[str]:
     """The figures as two tables of a page, one line for each row and case: with goals, and for information."""
-    lines = list[str]()
-    for judged in (True, False):
-        lines += ["| figure | measured | must | aim | |", "| --- | --- | --- | --- | --- |"] if judged else [
-            "", "| for information | measured |", "| --- | --- |",
-        ]  # fmt: skip
-        chosen = [f for f in figures if (f.must is not None) == judged]
-        for (row, case, must, aim), group in groupby(chosen, lambda f: (f.row, _case(f), f.must, f.aim)):
-            lines.append(_line(row, case, must, aim, list(group)))
-    return lines
+    lines = ["| figure | measured | must | aim | |", "| --- | --- | --- | --- | --- |"]
+    lines += [_line(group) for group in _grouped([f for f in figures if f.must is not None])]
+    lines += ["", "| for information | measured |", "| --- | --- |"]
+    return lines + [_line(group) for group in _grouped([f for f in figures if f.must is None])]
 
 
-def _case(f: Figure) -> str:
-    """What stands before the family in a cell."""
-    return f.cell.rpartition(", ")[0]
+def _grouped(figures: list[Figure]) -> list[list[Figure]]:
+    """Figures of one row and case, which differ in family only, together."""
+    groups: dict[tuple[object, ...], list[Figure]] = {}
+    for f in figures:
+        groups.setdefault((f.row, f.cell.rpartition(", ")[0], f.must, f.aim), []).append(f)
+    return list(groups.values())
 
 
-def _line(
-    row: str, case: str, must: tuple[float, float] | None, aim: tuple[float, float] | None, group: list[Figure]
-) -> str:
+def _line(group: list[Figure]) -> str:
+    first = group[0]
+    case = first.cell.rpartition(", ")[0]
     families = [f.cell.rpartition(", ")[2] for f in group]
-    name = f"{row}: {case}{', ' if case else ''}{', '.join(families)}"
-    values = f"{', '.join(_number(f.value) for f in group)} {group[0].unit}".strip()
-    if must is None:
+    name = f"{first.row}: {case}{', ' if case else ''}{', '.join(families)}"
+    values = f"{', '.join(_short(f) for f in group)} {first.unit}".strip()
+    if first.must is None:
         return f"| {name} | {values} |"
     missed = [family for family, f in zip(families, group, strict=True) if f.verdict == "MISSED"]
     every = "aim" if all(f.verdict == "aim" for f in group) else "met"
     verdict = f"**missed**{'' if len(missed) == len(group) else ': ' + ', '.join(missed)}" if missed else every
-    return f"| {name} | {values} | {_goal(must)} | {_goal(aim)} | {verdict} |"
+    return f"| {name} | {values} | {_goal(first.must)} | {_goal(first.aim)} | {verdict} |"
+
+
+def _short(f: Figure) -> str:
+    """As on a page: counts without a fraction, hundredths where there is a unit."""
+    if f.value == int(f.value if f.value == f.value else 0.0) and not f.unit:
+        return f"{f.value:.0f}"
+    return f"{f.value:.2f}" if f.unit and abs(f.value) < 10.0 else _number(f.value) if f.value == f.value else "unknown"
 
 
 def _number(value: float) -> str:
