@@ -104,7 +104,7 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 
 /* Given by the caller, so that they stand in one place only. */
 static double RATES[3][3], JERK[3], STEADY, HELD, WANDER, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
-static double SMALL, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
+static double SMALL, SMALL_TURN, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
 static int TURNS;
 
 void configure(const double *rates, const double *jerk, const double *rest) {
@@ -113,7 +113,7 @@ void configure(const double *rates, const double *jerk, const double *rest) {
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
     TURNS = rest[11] > 0.0; SMALL = rest[12]; WANDER = rest[13]; LEAST_TURN = rest[14]; LEAST_UPDATE = rest[15];
-    MOST_UPDATE = rest[16]; HELD = rest[17];
+    MOST_UPDATE = rest[16]; HELD = rest[17]; SMALL_TURN = rest[18];
     DOUBT = SIGMAS * SIGMAS;
 }
 
@@ -130,11 +130,11 @@ static double turn_rate(V *x, int l) {
     return fmin(fmax((x[2][l] * x[5][l] - x[3][l] * x[4][l]) / square, -RATE_MAX), RATE_MAX);
 }
 
-/* White jerk of some power across the flight. */
-static void jerk_across(V *P, const double *h, const double *power, const double *e, const double *n) {
+/* White jerk: some power either way, and more across the flight. */
+static void jerk(V *P, const double *h, const double *even, const double *power, const double *e, const double *n) {
     EACH {
         double ee = e[l] * e[l], nn = n[l] * n[l], aimless = 0.5 * (1.0 - ee - nn), more = power[l];
-        double N[2][2] = {{more * (ee + aimless), more * (e[l] * n[l])}, {more * (e[l] * n[l]), more * (nn + aimless)}};
+        double N[2][2] = {{even[l] + more * (ee + aimless), more * (e[l] * n[l])}, {more * (e[l] * n[l]), even[l] + more * (nn + aimless)}};
         double h2 = h[l] * h[l], w[5] = {h2 * h2 / 20.0, h2 * h[l] / 8.0, h2 / 6.0, h2 / 3.0, 0.5 * h[l]};
         for (int i = 0; i < 2; i++) for (int j = 0; j < 2; j++) {
             P11(i, j)[l] += w[0] * N[i][j]; P12(i, j)[l] += w[1] * N[i][j]; P13(i, j)[l] += w[2] * N[i][j];
@@ -168,7 +168,7 @@ static void turn_errors(V *P, const double *c, const double *s, int velocity) {
 
 /* Cosine and sine of the angle by which the acceleration turned are left for the way back. */
 static void turn(V *x, V *P, const double *h, const double *along, const double *across, V *turned) {
-    V e, n, ae, an, more, step[3][2];
+    V e, n, ae, an, even, more, step[3][2];
     across_of(x[2], x[3], e, n);
     EACH {
         double rate = turn_rate(x, l), angle = rate * h[l], s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t, half = 0.5 * h[l] * h[l];
@@ -181,20 +181,21 @@ static void turn(V *x, V *P, const double *h, const double *along, const double 
         step[2][1][l] = s;
         turned[0][l] = fabs(angle) > LEAST_TURN ? cos(angle) : 1.0;
         turned[1][l] = fabs(angle) > LEAST_TURN ? s : 0.0;
-        ae[l] = x[4][l]; an[l] = x[5][l];
+        ae[l] = x[4][l]; an[l] = x[5][l]; even[l] = 0.0;
     }
-    predict(x, P, h, along);
+    predict(x, P, h, even);
     for (int k = 0; k < 3; k++) EACH {
         x[2 * k][l] += step[k][0][l] * ae[l] - step[k][1][l] * an[l];
         x[2 * k + 1][l] += step[k][0][l] * an[l] + step[k][1][l] * ae[l];
     }
     turn_errors(P, turned[0], turned[1], 0);
-    EACH more[l] = (across[l] - along[l]) * h[l];
-    jerk_across(P, h, more, e, n);
+    EACH { even[l] = along[l] * h[l]; more[l] = (across[l] - along[l]) * h[l]; }
+    jerk(P, h, even, more, e, n);
 }
 
 /* A circle at constant speed, where time passes: position, velocity and turn rate move, the acceleration follows. */
 static void circle(V *x, V *P, const double *h, double across) {
+    static V none; /* of zeros */
     V before_x[6], before_P[24], ce, cn, e, n, power;
     memcpy(before_x, x, sizeof before_x); memcpy(before_P, P, sizeof before_P);
     EACH {
@@ -202,7 +203,7 @@ static void circle(V *x, V *P, const double *h, double across) {
         double free = (fabs(w) < RATE_MAX) / fmax(square, TURN_MIN * TURN_MIN), longer = square < TURN_MIN * TURN_MIN ? 0.0 : 2.0 * w;
         double gv[2] = {(x[5][l] - longer * ve) * free, (-x[4][l] - longer * vn) * free}, ga[2] = {-vn * free, ve * free};
         double angle = w * h[l], c = cos(angle), s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t;
-        int small = fabs(angle) < SMALL;
+        int small = fabs(angle) < SMALL_TURN;
         double same = small ? h[l] : s / w, left = small ? 0.5 * angle * h[l] : less / w;
         double same_w = small ? -angle * h[l] * h[l] / 3.0 : (h[l] * c - same) / w;
         double left_w = small ? 0.5 * h[l] * h[l] : (h[l] * s - left) / w;
@@ -249,7 +250,7 @@ static void circle(V *x, V *P, const double *h, double across) {
         power[l] = across * h[l];
     }
     across_of(ce, cn, e, n);
-    jerk_across(P, h, power, e, n);
+    jerk(P, h, none, power, e, n);
     EACH if (!(h[l] > 0.0)) {
         for (int i = 0; i < 6; i++) x[i][l] = before_x[i][l];
         for (int i = 0; i < 24; i++) P[i][l] = before_P[i][l];
