@@ -7,7 +7,7 @@ stop without a measurement: the centre of the element, and the time up to which 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -49,6 +49,10 @@ class Window:
         What each event is; ``NOTHING`` fills up lanes with fewer than K.
     active : list of int
         How many lanes, from the first on, have an event in round k.
+    reported : (K, n) bool
+        Where there is a report, founding ones included.
+    sensor_index : (K, n) int64
+        Sensor of each report, 0 where there is none.
     """
 
     lanes: Ints
@@ -56,20 +60,16 @@ class Window:
     columns: Array
     kind: NDArray[np.int8]
     active: list[int]
+    reported: Bools = field(init=False)
+    sensor_index: Ints = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.reported = (self.kind == REPORT) | (self.kind == FOUNDING)
+        self.sensor_index = np.where(self.reported, self.columns[SENSOR], 0.0).astype(np.int64)
 
     def __getattr__(self, name: str) -> Array:
         # Columns by name, e.g. ``window.east_m``; called only for what is no attribute.
         return self.columns[_INDEX[name]] if name in _INDEX else _missing(name)
-
-    @property
-    def reported(self) -> Bools:
-        """Where there is a report, founding ones included, ``(K, n)``."""
-        return np.asarray((self.kind == REPORT) | (self.kind == FOUNDING))
-
-    @property
-    def sensor_index(self) -> Ints:
-        """Sensor of each report ``(K, n)``, 0 where there is none."""
-        return np.where(self.reported, self.columns[SENSOR], 0.0).astype(np.int64)
 
 
 _INDEX: Final = {name: index for index, name in enumerate(COLUMNS)}
