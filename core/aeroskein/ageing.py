@@ -8,7 +8,7 @@ import numpy as np
 
 from aeroskein.engine_state import EngineState
 from aeroskein.events import TrackChanges
-from aeroskein.plots import Ints
+from aeroskein.plots import Array, Ints
 from aeroskein.points import FusedPoints, Status
 from aeroskein.publishing import live_points
 
@@ -18,6 +18,9 @@ __all__ = ["changes", "coast", "confirm", "ended", "release"]
 KEEP_TERMINATED_S: Final = 60.0
 # A coasting track is published this often. [s]
 COAST_PERIOD_S: Final = 1.0
+# So many tracks coast visibly or end at a time, those whose turn it is longest first: when a whole feed falls silent,
+# the tracks of the others must not wait for all of it.
+MOST: Final = 2_000
 
 
 def changes(state: EngineState, slots: Ints, now_s: float) -> TrackChanges:
@@ -54,6 +57,7 @@ def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
         tracks.status[fresh] = Status.COASTING
         events.append(changes(state, fresh, now_s))
     again = coasting[now_s - state.coasted_s[coasting] >= max(COAST_PERIOD_S, state.live.every_s)]
+    again = _longest_first(again, state.coasted_s)
     if len(again) and state.settings.fusion.live:
         state.coasted_s[again] = now_s
         predicted = state.live.bank.time_s[again] + now_s - tracks.received_s[again]
@@ -64,9 +68,16 @@ def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
 
 
 def ended(state: EngineState, now_s: float) -> Ints:
-    """Tracks that have been without a report for too long, ``(n,)`` slots."""
-    active = state.tracks.active
-    return active[now_s > state.tracks.ends_s()[active]]
+    """Tracks that have been without a report for too long, ``(n,)`` slots; of very many some."""
+    active, ends_s = state.tracks.active, state.tracks.ends_s()
+    return _longest_first(active[now_s > ends_s[active]], ends_s)
+
+
+def _longest_first(slots: Ints, since_s: Array) -> Ints:
+    """Those that have waited longest since a time by slot, in order of slots; all where there are not too many."""
+    if len(slots) <= MOST:
+        return slots
+    return np.sort(slots[np.argpartition(since_s[slots], MOST)[:MOST]])
 
 
 def release(state: EngineState, now_s: float) -> None:

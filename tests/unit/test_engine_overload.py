@@ -6,9 +6,10 @@ import numpy as np
 from tests.builders import START_S, Drive, Flight, adsb, engine_settings
 from tests.engine_scenes import SENSORS, scene
 
+from aeroskein import ageing
 from aeroskein.engine import FusionEngine
 from aeroskein.plots import Plots
-from aeroskein.points import FusedPoints, Product
+from aeroskein.points import FusedPoints, Product, Status
 
 
 def full(engine: FusionEngine, until_s: float, most: int | None) -> list[FusedPoints]:
@@ -109,3 +110,30 @@ def test_the_end_in_parts_gives_the_same_elements_as_the_end_at_once() -> None:
         for d in (at_once, in_parts)
     )
     np.testing.assert_allclose(one, other, atol=1e-9, rtol=0.0)
+
+
+def test_a_whole_feed_that_falls_silent_coasts_and_ends_in_parts() -> None:
+    """The tracks of the other feeds would wait for all of it; and nobody is forgotten."""
+    many = ageing.MOST + 500
+    engine = FusionEngine(engine_settings(), epoch_ms=1)
+    rng = np.random.default_rng(1)
+    columns = {"sensor": 0, "address": np.arange(1, many + 1), "altitude_m": 9_000.0, "height_m": 9_000.0}
+    lat, lon = rng.uniform(46.0, 50.0, many), rng.uniform(8.0, 14.0, many)
+    for second in range(6):
+        time_s = START_S + second
+        plots = Plots.of(many, time_s=time_s, received_s=time_s, lat_deg=lat, lon_deg=lon, **columns)
+        engine.receive(plots, now_s=time_s)
+
+    coasting, ended = [], []
+    for tick in range(160):
+        now_s = START_S + 5.0 + 0.25 * tick
+        for event in engine.advance(now_s=now_s):
+            if isinstance(event, FusedPoints) and event.product is Product.LIVE:
+                over = event.status == Status.TERMINATED
+                coasting.append(event.track_number[~over])
+                ended.append(event.track_number[over])
+
+    assert max(map(len, coasting)) == max(map(len, ended)) == ageing.MOST
+    everybody = set(range(1, many + 1))
+    assert set(np.concatenate(coasting).tolist()) == everybody
+    assert sorted(np.concatenate(ended).tolist()) == sorted(everybody)
