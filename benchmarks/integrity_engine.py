@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.engine_runs import RADARS, SENSORS, Change, bias_errors, fly, signed_biases
 from benchmarks.goals import require, verdict
 
-from aeroskein.geodesy import frame_rows
+from aeroskein.geodesy import frame_rows, to_ecef
 from aeroskein.integrity.cover import CoverMap, polar_of
 from aeroskein.plots import Plots
 from aeroskein.points import Flag, FusedPoints, Product, Status
@@ -114,7 +114,7 @@ class InCover:
             cover.seen(seen.range_m, seen.azimuth_deg, np.degrees(np.arcsin(up)), seconds)
             if len(own) and seconds <= GHOST_GOAL_S:
                 at = own[-1:]
-                place = polar_of(site, plots.lat_deg[at], plots.lon_deg[at], plots.height_m[at])
+                place = polar_of(site, to_ecef(plots.lat_deg[at], plots.lon_deg[at], plots.height_m[at]))
                 self._inside[k] = bool(cover.detection(*place, seconds)[0] > 0.0)
         self.radars = sum(self._inside)
 
