@@ -18,6 +18,7 @@ import numpy as np
 from aeroskein.geodesy import frame_rows, from_ecef, to_ecef
 from aeroskein.integrity.agreement import Agreement
 from aeroskein.integrity.cover import CoverMap, polar_of
+from aeroskein.integrity.own_positions import OWN_AGE_S, NewestOwn, OwnPositions
 from aeroskein.plots import Array, Bools, Ints, columns_of
 from aeroskein.settings import EngineSettings
 
@@ -37,8 +38,6 @@ LOOKS_TO_RETURN: Final = 5
 RETURN_S: Final = 20.0
 # A track verified long ago, and no longer seen by radar, is unverified again. [s]
 VERIFIED_S: Final = 120.0
-# Own positions older than this are not extrapolated to a plot, nor expected to be seen. [s]
-OWN_AGE_S: Final = 4.0
 # Acceleration neglected when own positions are moved to a plot's time. [m/s²]
 ACCELERATION_SIGMA: Final = 2.0
 # A radar without any plot for so many periods was off: nothing that it did not see then was missed.
@@ -60,29 +59,6 @@ class Belief(IntEnum):
     UNVERIFIED = 0
     VERIFIED = 1
     SUSPECT = 2
-
-
-@dataclass(slots=True, eq=False)
-class OwnPositions:
-    """ADS-B reports, ``(n,)`` columns: slot, time, place and velocity in the track's plane, covariance of the place.
-
-    Attributes
-    ----------
-    slot : int64
-        Track slot.
-    time_s : float64
-        [s since the epoch]
-    place_m, velocity_mps : (n, 2) float64
-        East and north. [m, m/s]
-    covariance_m2 : (n, 3) float64
-        ``[ee, en, nn]``, with the part from the time stamp. [m²]
-    """
-
-    slot: Ints
-    time_s: Array
-    place_m: Array
-    velocity_mps: Array
-    covariance_m2: Array
 
 
 @dataclass(slots=True, eq=False)
@@ -144,8 +120,7 @@ class Integrity:
         self._missed = np.zeros(slots)
         self._looked_s = np.full(slots, -np.inf)
         self._suspected_s = np.full(slots, -np.inf)
-        self._own_s = np.full(slots, -np.inf)
-        self._own = np.zeros((slots, 7))
+        self._own = NewestOwn(slots)
         self._due_s = np.full((len(sensors), slots), np.nan)
         # Since when each radar has been turning, and where each track was, as each radar sees it, while it was not yet
         # in its cover: time, range, azimuth, elevation.
@@ -157,11 +132,12 @@ class Integrity:
         """Make room for more slots."""
         more = slots - len(self._belief)
         self._agreement.grow(slots)
-        for name in ("_belief", "_good", "_missed", "_own", "_hits"):
+        self._own.grow(slots)
+        for name in ("_belief", "_good", "_missed", "_hits"):
             column = getattr(self, name)
             shape = (column.shape[0], more) if name == "_hits" else (more, *column.shape[1:])
             setattr(self, name, np.concatenate([column, np.zeros(shape, column.dtype)], axis=int(name == "_hits")))
-        for name in ("_looked_s", "_suspected_s", "_own_s"):
+        for name in ("_looked_s", "_suspected_s"):
             setattr(self, name, np.concatenate([getattr(self, name), np.full(more, -np.inf)]))
         for name in ("_due_s", "_before"):
             column = getattr(self, name)
@@ -173,14 +149,15 @@ class Integrity:
         self._agreement.reset(slot)
         self._belief[slot] = self._good[slot] = 0
         self._missed[slot] = 0.0
-        self._looked_s[slot] = self._suspected_s[slot] = self._own_s[slot] = -np.inf
+        self._looked_s[slot] = self._suspected_s[slot] = -np.inf
+        self._own.forget(slot)
         self._due_s[:, slot] = np.nan
         self._before[:, slot] = np.nan
         self._hits[:, slot] = 0
 
     def moved(self, slot: Ints) -> None:
         """The planes of these tracks have moved: stored places no longer hold."""
-        self._own_s[slot] = -np.inf
+        self._own.forget(slot)
 
     # -- what is believed ----------------------------------------------------------------------------------------
     def belief(self, slot: Ints) -> Ints:
@@ -208,14 +185,8 @@ class Integrity:
 
     # -- input ---------------------------------------------------------------------------------------------------
     def own(self, reports: OwnPositions) -> None:
-        """Take ADS-B reports in; of several of one track the newest counts."""
-        finite = np.isfinite(reports.place_m).all(axis=1) & np.isfinite(reports.velocity_mps).all(axis=1)
-        rows = np.flatnonzero(finite & (reports.time_s > self._own_s[reports.slot]))
-        rows = rows[np.argsort(reports.time_s[rows], kind="stable")]
-        slot = reports.slot[rows]
-        self._own_s[slot] = reports.time_s[rows]
-        columns = (reports.place_m[rows], reports.velocity_mps[rows], reports.covariance_m2[rows])
-        self._own[slot] = np.concatenate(columns, axis=1)
+        """Take ADS-B reports in; of several of one track the newest counts, unless it stands alone."""
+        self._own.take(reports)
 
     def looks(self, plots: Looks) -> None:
         """Take radar plots in, of all tracks, after the ADS-B reports that came with them."""
@@ -237,10 +208,10 @@ class Integrity:
         self._due_s[sensor, slot] = time_s + self._period_s[sensor]
         self._before[sensor, slot] = np.nan
         self._hits[sensor, slot] += 1
-        step_s = time_s - self._own_s[slot]
+        step_s = time_s - self._own.time_s[slot]
         near = np.abs(step_s) < OWN_AGE_S
         rows, sensor, slot, time_s, step_s = rows[near], sensor[near], slot[near], time_s[near], step_s[near]
-        own = self._own[slot]
+        own = self._own.rows[slot]
         difference = plots.place_m[rows] - own[:, 0:2] - own[:, 2:4] * step_s[:, None]
         covariance = plots.covariance_m2[rows] + own[:, 4:7]
         covariance[:, [0, 2]] += (0.5 * ACCELERATION_SIGMA * step_s**2)[:, None] ** 2
@@ -269,7 +240,7 @@ class Integrity:
         int64 array
             Slots whose belief has changed.
         """
-        current = now_s - self._own_s[slot] < OWN_AGE_S + 2.0
+        current = now_s - self._own.time_s[slot] < OWN_AGE_S + 2.0
         ecef_m = to_ecef(lat_deg, lon_deg, np.nan_to_num(height_m))
         for k, site in self._sites.items():
             self._count_misses(k, slot, current, *polar_of(site, ecef_m), now_s)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmarks.integrity_scene import START_S, Run, World, settings
 
-from aeroskein.integrity import Belief, Integrity
+from aeroskein.integrity import Belief, Integrity, Looks, OwnPositions
 from aeroskein.plots import Array, Ints
 
 RANGE_M = 370_000.0
@@ -165,3 +165,37 @@ def test_what_a_radar_saw_before_its_cover_was_known_there_was_not_missed() -> N
 
     # One turn of each radar, at a detection of 0.97 at most.
     assert most <= 2 * 3.6
+
+
+def beside_its_flight(wild_s: tuple[float, ...], seconds: int) -> Integrity:
+    """Radars see one aircraft 280 m beside its own positions; some of these are 2.2 km off, the next is lost."""
+    own_cov = np.array([[1e3, 0.0, 1e2]])
+    integrity, slot = Integrity(settings(None), 1), np.zeros(1, dtype=np.int64)
+    for s in np.arange(1.0, seconds):
+        time_s = START_S + np.array([s])
+        east = 200.0 * s - 2_200.0 * (s in wild_s)
+        if s - 1.0 not in wild_s:
+            integrity.own(OwnPositions(slot, time_s, np.array([[east, 0.0]]), np.array([[200.0, 0.0]]), own_cov))
+        for sensor, turn_s, variance in ((1, 4, 120.0**2), (2, 8, 300.0**2)):
+            # Both look within the second in which the wild position is the newest.
+            look_s = s + 0.3 * sensor
+            if s % turn_s == 0.0:
+                place = np.array([[200.0 * look_s + 280.0, 0.0]])
+                polar = (np.array([90e3]), np.array([10.0]), np.array([9e3]))
+                cov = variance * np.array([[1.0, 0.0, 1.0]])
+                integrity.looks(Looks(np.array([sensor]), slot, START_S + np.array([look_s]), place, cov, *polar))
+        integrity.check(START_S + s, slot, np.array([48.0]), np.array([11.0]), np.array([9e3]))
+    return integrity
+
+
+def test_one_wild_own_position_that_two_radars_look_at_makes_nobody_suspect() -> None:
+    assert beside_its_flight((40.0,), 60).belief(np.array([0]))[0] == Belief.VERIFIED
+
+
+def test_a_jump_that_lasts_is_no_slip() -> None:
+    def displaced(aircraft: Ints, s: float) -> Array:
+        return np.where((aircraft == 3)[:, None] & (s >= 60.0), np.array([1_300.0, 1_800.0]), 0.0)
+
+    run = play(World(aircraft=12, seed=4, displaced=displaced), 100)
+
+    assert run.first_suspect(3) - 60.0 <= 30.0
