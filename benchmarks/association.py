@@ -13,10 +13,12 @@ import argparse
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from benchmarks.association_scene import HALF_M, SCAN_S, Scan, candidates, in_disc, positions, scan
+from benchmarks.bars import FOLDER, plot_bars
 from benchmarks.goals import require, verdict
 
 from aeroskein.association import Associator, FreePlots, Initiator
@@ -133,13 +135,15 @@ def table(repeats: int) -> None:
             print(f"    {name:32s} {method:12s} " + "  ".join(cells))
 
 
-def speed() -> None:
+def speed(plots: Path) -> None:
     """50, 200 and 1,000 plots against as many tracks, ours and Stone Soup's; 1,000 against 5,000."""
     rng = np.random.default_rng(7)
+    bars: dict[str, float] = {}
     for n in (50, 200, 1000):
         s = _cut(scan(*positions("random", int(1.2 * n) + 10, rng), rng), n, n)
         ours = _best_s(lambda n=n, s=s: decide(Associator(settings(), n), s, 0, np.full(n, -1), True), 30)
         print(f"{n:,} plots against {n:,} tracks: {1e3 * ours:.2f} ms")
+        bars[f"{n:,}, aeroskein"] = 1e3 * ours
         try:
             theirs = {"KD-tree global nearest neighbour": _best_s(_stone_soup(s, tree=True), 3)}
             if n <= MOST_WITHOUT_TREE:
@@ -149,6 +153,7 @@ def speed() -> None:
             continue
         for name, spent in theirs.items():
             print(f"    Stone Soup, {name}: {1e3 * spent:.0f} ms, {spent / ours:.0f} times ours")
+            bars[f"{n:,}, Stone Soup, {name}"] = 1e3 * spent
         if n == GOAL_SIZE:
             ratio = min(theirs.values()) / ours
             require(ratio >= FASTER_THAN_STONE_SOUP, f"{FASTER_THAN_STONE_SOUP:.0f} times faster than Stone Soup")
@@ -156,6 +161,8 @@ def speed() -> None:
     s = _cut(scan(place * 3.0, velocity, rng), 1000, 5000)
     many = _best_s(lambda: decide(Associator(settings(), 5000), s, 0, np.full(1000, -1), True), 10)
     print(f"1,000 plots against 5,000 tracks: {1e3 * many:.1f} ms")
+    bars["1,000 plots, 5,000 tracks, aeroskein"] = 1e3 * many
+    plot_bars(plots / "association.png", "Processor time of a scan: as many plots as tracks", bars, "ms", log=True)
     require(1e3 * many < MANY_MS, f"1,000 plots against 5,000 tracks below {MANY_MS:.0f} ms")
 
 
@@ -283,9 +290,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repeats", type=int, default=60)
     parser.add_argument("--hours", type=float, default=4.0)
+    parser.add_argument("--plots", type=Path, default=FOLDER)
     arguments = parser.parse_args()
     table(arguments.repeats)
-    speed()
+    speed(arguments.plots)
     initiation(arguments.hours)
     return verdict()
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
-__all__ = ["plot_bars"]
+__all__ = ["FOLDER", "plot_bars"]
+
+# Where plots go unless told otherwise.
+FOLDER: Final = Path("build/benchmarks")
 
 
 def plot_bars(path: Path, title: str, values: dict[str, float], unit: str, *, log: bool = False) -> None:

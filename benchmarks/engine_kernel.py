@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from benchmarks.bars import FOLDER, plot_bars
 from benchmarks.engine_scene import REPORTS_PER_S, START_S, Traffic, settings
 
 from aeroskein import closing, coordinated_turn, elements, estimator, gating, manoeuvre
@@ -196,6 +197,7 @@ def main() -> int:
     """Print the table; 1 when a goal is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.engine_kernel", description=__doc__.partition("\n")[0])
     parser.add_argument("--aircraft", type=int, default=2000)
+    parser.add_argument("--plots", type=Path, default=FOLDER)
     options = parser.parse_args()
     scene = Scene(options.aircraft)
     with tempfile.TemporaryDirectory() as folder:
@@ -215,6 +217,9 @@ def main() -> int:
     )
     ratio = ours_us / kernel_us
     print(_row("report, all in", ours_us, kernel_us) + f"   (at most {MOST_TIMES:.0f}x)")
+    bars = {f"{name}, {of}": us for name, cost in costs.items() for of, us in (("numpy", cost[0]), ("C", cost[1]))}
+    bars |= {"report, all in, numpy": ours_us, "report, all in, C": kernel_us}
+    plot_bars(options.plots / "engine_kernel.png", "Processor time of the estimator, numpy and C", bars, "us", log=True)
     same = all(cost.difference < SAME for cost in costs.values())
     if not same:
         print("MISSED: the numbers are not the same")

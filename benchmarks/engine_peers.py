@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from benchmarks.bars import plot_bars
+from benchmarks.bars import FOLDER, plot_bars
 from benchmarks.engine_scene import (
     AZIMUTH_SIGMA_DEG,
     POSITION_SIGMA_M,
@@ -250,7 +250,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.engine_peers", description=__doc__.partition("\n")[0])
     parser.add_argument("--aircraft", type=int, default=5000, help="of the engine's traffic")
     parser.add_argument("--few", type=int, default=16, help="aircraft that the peers filter, and whose errors count")
-    parser.add_argument("--plots", type=Path, default=Path("build/benchmarks"))
+    parser.add_argument("--plots", type=Path, default=FOLDER)
     options = parser.parse_args()
     results, flights, traffic = engine_result(options.aircraft, options.few)
     for name, of_aircraft in (

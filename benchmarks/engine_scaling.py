@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from benchmarks.bars import plot_bars
+from benchmarks.bars import FOLDER, plot_bars
 from benchmarks.engine_scene import REPORTS_PER_S, START_S, Traffic, settings
 
 from aeroskein import report_log
@@ -96,7 +96,7 @@ def main() -> int:
     """Print the tables; 1 when a goal is missed."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.engine_scaling", description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--plots", type=Path, default=Path("build/benchmarks"))
+    parser.add_argument("--plots", type=Path, default=FOLDER)
     parser.add_argument("--call", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.call is not None:

@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
+from benchmarks.bars import FOLDER, plot_bars
 from benchmarks.goals import Row, judged
 from benchmarks.load_processes import NO_PAGE, Load, Seen, run_load
 
@@ -71,15 +73,22 @@ def main() -> int:
     parser.add_argument("--keys", action="store_true", help="also follow the keys per track")
     parser.add_argument("--more", default=NO_PAGE, help="TOML to append to the service's configuration")
     parser.add_argument("--quick", action="store_true", help="only the small loads, for a short time")
+    parser.add_argument("--plots", type=Path, default=FOLDER)
     args = parser.parse_args()
     if args.aircraft is not None:
         load = Load([(args.aircraft, 0.0, args.seconds)], keys=args.keys, more=args.more)
         show(args.aircraft, run_load(load), load)
         return 0
-    missed = 0
+    missed, latency_ms, share = 0, dict[str, float](), dict[str, float]()
     for aircraft in (100, 4_000) if args.quick else (100, 4_000, AIRCRAFT_MUST, AIRCRAFT_AIM):
         load = Load([(aircraft, 0.0, QUICK_SECONDS if args.quick else args.seconds)], more=args.more)
-        missed |= show(aircraft, run_load(load), load)
+        seen = run_load(load)
+        missed |= show(aircraft, seen, load)
+        percentiles = seen.live.percentiles_ms(load.warm_up_s, load.steady_end_s, 50, 95, 99)
+        latency_ms |= {f"{aircraft:,}, {p} %": ms for p, ms in zip((50, 95, 99), percentiles, strict=True)}
+        share[f"{aircraft:,}"] = seen.core["service"]
+    plot_bars(args.plots / "service_latency.png", "Live latency by number of aircraft", latency_ms, "ms", log=True)
+    plot_bars(args.plots / "service_share.png", "Share of a processor that the service takes", share, "")
     return missed
 
 

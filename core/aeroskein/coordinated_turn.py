@@ -15,6 +15,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeroskein import kalman
 from aeroskein.plots import Array, Ints
@@ -35,6 +36,17 @@ LEAST_TURN_RAD: Final = 0.005
 # An update that turns the velocity by more than the first, but not beyond belief, turns what is tied to it. [rad]
 LEAST_UPDATE_RAD: Final = 0.02
 MOST_UPDATE_RAD: Final = 1.0
+
+Complex = NDArray[np.complex128]
+
+# The blocks of a covariance side by side, and the rows of each element of theirs: east-east, east-north, ...
+_PP, _PV, _PA, _VV, _VA, _AA = range(6)
+_BLOCK_ROWS: Final = (
+    [0, 2, 4, 12, 14, 20],
+    [1, 3, 5, 13, 15, 21],
+    [6, 8, 10, 16, 18, 22],
+    [7, 9, 11, 17, 19, 23],
+)
 
 
 class Turned(NamedTuple):
@@ -171,62 +183,82 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
         x[:, lanes], P[:, lanes] = moved_x, moved_P
         return
     w = _turn_rate(x)
-    gradient = _rate_gradient(x, w)
+    by_v, by_a = _rate_gradient(x, w)
     angle = w * h
-    cos, sin = np.cos(angle), np.sin(angle)
     half_sin, half_cos = np.sin(0.5 * angle), np.cos(0.5 * angle)
+    turn = np.cos(angle) + 1j * np.sin(angle)
     small = np.abs(angle) < SMALL_TURN_RAD
     rate = np.where(small, 1.0, w)
+    # The integral of the turn over the step, and its derivative by the rate.
     less = 2.0 * half_sin * half_sin
-    # The integral of the turn over the step, and its derivative by the rate: of the unit matrix and of a quarter turn.
-    same, left = np.where(small, h, sin / rate), np.where(small, 0.5 * angle * h, less / rate)
-    same_by_w = np.where(small, -angle * h * h / 3.0, (h * cos - same) / rate)
-    left_by_w = np.where(small, 0.5 * h * h, (h * sin - left) / rate)
-    by_w = _turn(x[2:4], same_by_w, left_by_w)
-    x[0:2] += _turn(x[2:4], same, left)
-    x[2:4] = _turn(x[2:4], cos, sin)
-    quarter = np.stack([-x[3], x[2]])
-    x[4:6] = w * quarter
-    _circle_errors(P, gradient, (same, left), (cos, sin), (by_w, h * quarter), w, quarter)
+    integral = np.where(small, h * (1.0 + 0.5j * angle), (turn.imag + 1j * less) / rate)
+    integral_by_w = np.where(small, h * h * (0.5j - angle / 3.0), (h * turn - integral) / rate)
+    v = x[2] + 1j * x[3]
+    moved, v_turned = integral * v, turn * v
+    quarter = 1j * v_turned
+    x[0] += moved.real
+    x[1] += moved.imag
+    x[2], x[3] = v_turned.real, v_turned.imag
+    x[4], x[5] = w * quarter.real, w * quarter.imag
+    _circle_errors(P, by_v, by_a, integral, turn, integral_by_w * v, h * quarter, w, quarter)
     # Noise across the middle of the step.
-    middle = _turn(x[2:4], half_cos, -half_sin)
-    kalman.add_jerk_noise(P, h, _jerk_density(middle, np.zeros(len(h)), across * h))
+    middle = v_turned * (half_cos - 1j * half_sin)
+    velocity = np.stack([middle.real, middle.imag])
+    kalman.add_jerk_noise(P, h, _jerk_density(velocity, np.zeros(len(h)), across * h))
 
 
 def _circle_errors(
     P: Array,
-    gradient: tuple[Array, Array],
-    integral: tuple[Array, Array],
-    turn: tuple[Array, Array],
-    by_w: tuple[Array, Array],
+    by_v: Complex,
+    by_a: Complex,
+    integral: Complex,
+    turn: Complex,
+    dp: Complex,
+    dv: Complex,
     w: Array,
-    quarter: Array,
+    quarter: Complex,
 ) -> None:
-    """Errors after a step on a circle, in place: from position p, velocity v and turn rate w to p + S v, R v and w J v.
+    """Errors after a step on a circle, in place: p becomes p + S v + dp w, v becomes T v + dv w, a becomes i w v.
 
-    ``gradient`` is that of w by v and the acceleration, ``integral`` S, ``turn`` R, ``by_w`` the derivatives of the new
-    position and velocity by w, ``quarter`` the new J v.
+    East and north are real and imaginary part here, so that S (``integral``) and T (``turn``) are factors. Errors of
+    two such quantities have two moments: C = E[x conj(y)] and R = E[x y]. ``by_v``, ``by_a`` are the gradient of the
+    turn rate; ``quarter`` is the new velocity a quarter turn to the left.
     """
-    by_v, by_a = gradient
-    dp, dv = by_w
-    p11, p12, p13, p22, p23, p33 = kalman.blocks(P)
-    # Covariances of the rate with position, velocity, itself.
-    wp = _times(p12, by_v) + _times(p13, by_a)
-    wv = _times(p22, by_v) + _times(p23, by_a)
-    wa = _times(p23.swapaxes(0, 1), by_v) + _times(p33, by_a)
-    ww = (by_v * wv).sum(axis=0) + (by_a * wa).sum(axis=0)
-    pv = p12 + _left(p22, *integral) + dp[:, None] * wv
-    pw = wp + _turn(wv, *integral) + dp * ww
-    p11 += _left(p12.swapaxes(0, 1), *integral) + dp[:, None] * wp + _right(pv, *integral) + pw[:, None] * dp
-    turned = _turn(wv, *turn)
-    vw = turned + dv * ww
-    p12[:] = _right(pv, *turn) + pw[:, None] * dv
-    p22[:] = _right(_left(p22, *turn), *turn) + turned[:, None] * dv + dv[:, None] * vw
-    p11[1, 0], p22[1, 0] = p11[0, 1], p22[0, 1]
-    p13[:] = _right(p12, 0.0, w) + pw[:, None] * quarter
-    p23[:] = _right(p22, 0.0, w) + vw[:, None] * quarter
-    p33[:] = _left(p23, 0.0, w) + quarter[:, None] * (_turn(vw, 0.0, w) + ww * quarter)
-    p33[1, 0] = p33[0, 1]
+    e_e, e_n, n_e, n_n = (P[rows] for rows in _BLOCK_ROWS)
+    C, R = np.empty(e_e.shape, dtype=np.complex128), np.empty(e_e.shape, dtype=np.complex128)
+    np.add(e_e, n_n, out=C.real)
+    np.subtract(n_e, e_n, out=C.imag)
+    np.subtract(e_e, n_n, out=R.real)
+    np.add(n_e, e_n, out=R.imag)
+    # Moments of position, velocity and acceleration with the rate, which is real.
+    g_v, g_a = 0.5 * by_v, 0.5 * by_a
+    gc_v, gc_a = np.conj(g_v), np.conj(g_a)
+    pw = gc_v * R[_PV] + g_v * C[_PV] + gc_a * R[_PA] + g_a * C[_PA]
+    vw = gc_v * R[_VV] + g_v * C[_VV] + gc_a * R[_VA] + g_a * C[_VA]
+    aw = gc_v * R[_VA] + g_v * np.conj(C[_VA]) + gc_a * R[_AA] + g_a * C[_AA]
+    ww = 2.0 * (gc_v * vw + gc_a * aw).real
+    # The new position with the old velocity, then with itself, then with the new velocity.
+    C_pv = C[_PV] + integral * C[_VV] + dp * np.conj(vw)
+    R_pv = R[_PV] + integral * R[_VV] + dp * vw
+    new_pw, turned = pw + integral * vw + dp * ww, turn * vw
+    C[_PP] += integral * np.conj(C[_PV]) + dp * np.conj(pw) + np.conj(integral) * C_pv + np.conj(dp) * new_pw
+    R[_PP] += integral * (R[_PV] + R_pv) + dp * (pw + new_pw)
+    new_vw = turned + dv * ww
+    back = np.conj(dv)
+    C[_PV], R[_PV] = np.conj(turn) * C_pv + back * new_pw, turn * R_pv + dv * new_pw
+    C[_VV] += turned * back + dv * np.conj(new_vw)
+    R[_VV] = turn * turn * R[_VV] + dv * (turned + new_vw)
+    left, quarter_back = 1j * w, np.conj(quarter)
+    C[_PA], R[_PA] = quarter_back * new_pw - left * C[_PV], left * R[_PV] + quarter * new_pw
+    C[_VA], R[_VA] = quarter_back * new_vw - left * C[_VV], left * R[_VV] + quarter * new_vw
+    aw = left * new_vw + quarter * ww
+    C[_AA], R[_AA] = left * C[_VA] + quarter * np.conj(aw), left * R[_VA] + quarter * aw
+    # Variances are symmetric to the last bit.
+    C.imag[[_PP, _VV, _AA]] = 0.0
+    C *= 0.5
+    R *= 0.5
+    P[_BLOCK_ROWS[0]], P[_BLOCK_ROWS[1]] = C.real + R.real, R.imag - C.imag
+    P[_BLOCK_ROWS[2]], P[_BLOCK_ROWS[3]] = R.imag + C.imag, C.real - R.real
 
 
 def keep_speed(x: Array, P: Array, before: Array) -> None:
@@ -274,21 +306,16 @@ def _right(M: Array, same: Array | float, left: Array | float) -> Array:
     return np.stack([same * M[:, 0] - left * M[:, 1], left * M[:, 0] + same * M[:, 1]], axis=1)
 
 
-def _times(M: Array, v: Array) -> Array:
-    """Matrices ``(2, 2, n)`` times vectors ``(2, n)``."""
-    product: Array = M[:, 0] * v[0]
-    product += M[:, 1] * v[1]
-    return product
+def _rate_gradient(x: Array, rate: Array) -> tuple[Complex, Complex]:
+    """Derivative of the turn rate by velocity and acceleration ``(n,)``, east and north as real and imaginary part.
 
-
-def _rate_gradient(x: Array, rate: Array) -> tuple[Array, Array]:
-    """Derivative of the turn rate by velocity and acceleration ``(2, n)``, zero where it is at its limit."""
+    Zero where the rate is at its limit.
+    """
+    v, a = x[2] + 1j * x[3], x[4] + 1j * x[5]
     square = x[2] * x[2] + x[3] * x[3]
     slow = square < TURN_SPEED_MIN_MPS**2
     free = (np.abs(rate) < TURN_RATE_MAX_RADPS) / np.maximum(square, TURN_SPEED_MIN_MPS**2)
-    longer = 2.0 * rate * ~slow
-    by_v = np.stack([x[5] - longer * x[2], -x[4] - longer * x[3]])
-    return by_v * free, np.stack([-x[3], x[2]]) * free
+    return (-1j * a - 2.0 * rate * ~slow * v) * free, 1j * v * free
 
 
 def _turn_rate(x: Array) -> Array:
