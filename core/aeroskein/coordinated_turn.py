@@ -47,6 +47,11 @@ _BLOCK_ROWS: Final = (
     [6, 8, 10, 16, 18, 22],
     [7, 9, 11, 17, 19, 23],
 )
+# Rows of the acceleration beside position and velocity, where it turns alone; of velocity and acceleration beside the
+# position, where both turn; and the blocks of those.
+_TURNING_ALONE: Final = (np.array([[4], [10], [14], [18]]), np.array([[5], [11], [15], [19]]))
+_TURNING_WITH_VELOCITY: Final = (np.array([[2], [8], [4], [10]]), np.array([[3], [9], [5], [11]]))
+_BOTH_TURN: Final = np.array([[20, 12, 14], [21, 13, 15], [22, 16, 18], [23, 17, 19]])
 
 
 class Turned(NamedTuple):
@@ -147,18 +152,19 @@ def _move(x: Array, h: Array, angle: Array) -> None:
 def _turn_errors(P: Array, turned: Turned, *, velocity: bool) -> None:
     """Turn the errors of the acceleration, and of the ``velocity``, of some lanes by an angle."""
     lanes, cos, sin = turned
-    part = P.take(lanes, axis=1)  # its rows are contiguous, as the blocks need
-    _, p12, p13, p22, p23, p33 = kalman.blocks(part)
-    p13[:] = _right(p13, cos, sin)
-    p23[:] = _right(p23, cos, sin)
-    p33[:] = _right(_left(p33, cos, sin), cos, sin)
-    if velocity:
-        p12[:] = _right(p12, cos, sin)
-        p23[:] = _left(p23, cos, sin)
-        p22[:] = _right(_left(p22, cos, sin), cos, sin)
-        p22[1, 0] = p22[0, 1]
-    p33[1, 0] = p33[0, 1]
-    P[:, lanes] = part
+    turn = cos + 1j * sin
+    # Moments of what turns with what does not: east and north beside the same other component.
+    of_east, of_north = _TURNING_WITH_VELOCITY if velocity else _TURNING_ALONE
+    z = P[of_east, lanes] + 1j * P[of_north, lanes]
+    z *= turn
+    P[of_east, lanes], P[of_north, lanes] = z.real, z.imag
+    # Where both turn, E[x conj(y)] stays and E[x y] turns twice.
+    blocks = _BOTH_TURN if velocity else _BOTH_TURN[:, :1]
+    e_e, e_n, n_e, n_n = P[blocks[..., None], lanes]
+    R = (e_e - n_n) + 1j * (n_e + e_n)
+    R *= 0.5 * turn * turn
+    even, odd = 0.5 * (e_e + n_n), 0.5 * (n_e - e_n)
+    P[blocks[..., None], lanes] = even + R.real, R.imag - odd, R.imag + odd, even - R.real
 
 
 def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
@@ -294,16 +300,6 @@ def keep_speed(x: Array, P: Array, before: Array) -> None:
 def _turn(v: Array, same: Array | float, left: Array | float) -> Array:
     """``same`` times vectors ``(2, n)`` and ``left`` times their quarter turn."""
     return np.stack([same * v[0] - left * v[1], left * v[0] + same * v[1]])
-
-
-def _left(M: Array, same: Array | float, left: Array | float) -> Array:
-    """The same from the left on matrices ``(2, 2, n)``."""
-    return _turn(M, same, left)
-
-
-def _right(M: Array, same: Array | float, left: Array | float) -> Array:
-    """From the right, transposed."""
-    return np.stack([same * M[:, 0] - left * M[:, 1], left * M[:, 0] + same * M[:, 1]], axis=1)
 
 
 def _rate_gradient(x: Array, rate: Array) -> tuple[Complex, Complex]:
