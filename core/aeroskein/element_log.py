@@ -197,33 +197,35 @@ def _record(p: _Pass, i: int, frames: FrameTable, sensor_ids: list[str]) -> dict
     direction = direction / np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-6)[:, None]
     normal = np.stack([-direction[:, 1], direction[:, 0]], axis=1) * float(row["half_width_m"])
     reports = p.reports[int(row["first"]) : int(row["first"]) + int(row["reports"])]
-    lat, lon = geodesy.from_plane(frame, reports["east_m"].astype(np.float64), reports["north_m"].astype(np.float64))
+    seen_m = np.stack([reports["east_m"], reports["north_m"]], axis=1).astype(np.float64)
+    # All at once: a conversion costs more by its call than by its points.
+    plane_m = np.concatenate([axis, axis + normal, axis - normal, seen_m])
+    globe = np.stack(geodesy.from_plane(frame, plane_m[:, 0], plane_m[:, 1]), axis=1).tolist()
+    line, left, right = (globe[k * len(h) : (k + 1) * len(h)] for k in range(3))
+    report = zip(
+        reports["sensor"].tolist(), reports["after_s"].tolist(), reports["reason"].tolist(), globe[3 * len(h) :],
+        strict=True,
+    )  # fmt: skip
     return {
         "element": int(row["index"]),
         "seq": int(row["seq"]),
         "span_s": [start, end],
         "centre_s": centre,
-        "axis": _globe(frame, axis),
-        "axis_time_s": [float(t) for t in np.linspace(start, end, AXIS_PIECES + 1)],
-        "division_points": _globe(frame, axis[[0, -1]]),
-        "boundary_lines": [_globe(frame, axis + normal), _globe(frame, axis - normal)],
+        "axis": line,
+        "axis_time_s": np.linspace(start, end, AXIS_PIECES + 1).tolist(),
+        "division_points": [line[0], line[-1]],
+        "boundary_lines": [left, right],
         "half_width_m": float(row["half_width_m"]),
         "point": _point(row, sensor_ids),
         "reports": [
             {
-                "sensor": sensor_ids[int(r["sensor"])],
-                "time_s": start + float(r["after_s"]),
-                "lat_deg": float(lat[k]),
-                "lon_deg": float(lon[k]),
-                "accepted": int(r["reason"]) == 0,
-                "reason": None if r["reason"] == 0 else Reason(int(r["reason"])).wire_name,
+                "sensor": sensor_ids[sensor],
+                "time_s": start + after_s,
+                "lat_deg": lat_deg,
+                "lon_deg": lon_deg,
+                "accepted": reason == 0,
+                "reason": None if reason == 0 else Reason(reason).wire_name,
             }
-            for k, r in enumerate(reports)
+            for sensor, after_s, reason, (lat_deg, lon_deg) in report
         ],
     }
-
-
-def _globe(frame: Array, plane_m: Array) -> list[list[float]]:
-    """Plane points ``(k, 2)`` as ``[[lat, lon], ...]``."""
-    lat, lon = geodesy.from_plane(frame, plane_m[:, 0], plane_m[:, 1])
-    return [[float(a), float(b)] for a, b in zip(lat, lon, strict=True)]
