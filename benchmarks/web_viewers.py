@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import json
 import os
 import sys
@@ -45,8 +46,9 @@ class Crowd:
 
     def during(self, elapsed_s: float, service: int) -> None:
         """Let them in when it is time."""
-        for child in children(service):
-            os.sched_setaffinity(child, processors()[1])
+        for thread in threads_of_children(service):
+            with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
+                os.sched_setaffinity(thread, processors()[1])
         phase = int((elapsed_s - WARM_UP_S) // PHASE_S)
         if elapsed_s > WARM_UP_S and phase % 2 and not (self._thread and self._thread.is_alive()):
             left_s = (phase + 1) * PHASE_S + WARM_UP_S - elapsed_s
@@ -71,10 +73,11 @@ class Crowd:
             time.sleep(1.0)
 
 
-def children(parent: int) -> list[int]:
-    """The processes that a process has started."""
+def threads_of_children(parent: int) -> list[int]:
+    """All threads of the processes that a process has started: each has an affinity of its own."""
     lists = Path(f"/proc/{parent}/task").glob("*/children")
-    return [int(pid) for children in lists for pid in children.read_text().split()]
+    children = [pid for children in lists for pid in children.read_text().split()]
+    return [int(task.name) for pid in children for task in Path(f"/proc/{pid}/task").glob("*")]
 
 
 def main() -> int:
