@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import threading
@@ -15,12 +16,15 @@ ENDED_AT_ONCE: Final = 1
 
 def stop_on_signals() -> threading.Event:
     """An event that the first SIGINT or SIGTERM sets; main thread only."""
-    stop = threading.Event()
+    stop, asked = threading.Event(), False
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_set():
+        nonlocal asked
+        if asked:
             os._exit(ENDED_AT_ONCE)
-        stop.set()
+        asked = True
+        # Not in this thread: it may be inside the event's own wait, with the lock that setting the event needs.
+        _thread.start_new_thread(stop.set, ())
 
     signal.signal(signal.SIGINT, handle)
     signal.signal(signal.SIGTERM, handle)
