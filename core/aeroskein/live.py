@@ -46,9 +46,9 @@ def first_state(reports: Measurements) -> tuple[Array, Array]:
     x[3] = np.where(has_velocity, reports.v_north_mps, 0.0)
     P = np.zeros((kalman.COVARIANCE_ROWS, n))
     P[12] = P[17] = np.where(has_velocity, reports.velocity_variance, START_VELOCITY_SIGMA**2)
-    P[0] = reports.r_ee + reports.time_variance * (x[2] ** 2 + P[12])
-    P[1] = P[6] = reports.r_en + reports.time_variance * x[2] * x[3]
-    P[7] = reports.r_nn + reports.time_variance * (x[3] ** 2 + P[17])
+    base = (reports.r_ee, reports.r_en, reports.r_nn)
+    P[0], P[1], P[7] = kalman.stamp_noise(base, reports.time_variance, x[2:4], P[12:18])
+    P[6] = P[1]
     P[20] = P[23] = START_ACCELERATION_SIGMA**2
     return x, P
 

@@ -104,11 +104,8 @@ class ModeWork:
         at = np.flatnonzero(opened)
         east, north, r_ee, r_en, r_nn, tv = (c[at] for c in columns)
         xs, Ps = x[:, :, at], np.ascontiguousarray(P[:, :, at])
-        i = manoeuvre.innovation(
-            xs, Ps, 0, east, north,
-            r_ee + tv * (xs[2] ** 2 + Ps[12]), r_en + tv * (xs[2] * xs[3] + Ps[13]), r_nn + tv * (xs[3] ** 2 + Ps[17]),
-            None if lag is None else lag[at],
-        )  # fmt: skip
+        R = kalman.stamp_noise((r_ee, r_en, r_nn), tv, xs[2:4], Ps[12:18])
+        i = manoeuvre.innovation(xs, Ps, 0, east, north, *R, None if lag is None else lag[at])
         refused = i.d2.min(axis=0) > GATE
         opened = opened.copy()
         opened[at[~refused]] = False
