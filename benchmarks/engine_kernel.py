@@ -63,7 +63,7 @@ def configure(kernel: ctypes.CDLL, models: manoeuvre.ModelSet) -> None:
     """Give it the engine's own constants."""
     rest = np.array([
         models.steady, gating.GATE, elements.BOUNDARY_SIGMAS, elements.SMALLEST_HALF_WIDTH_M,
-        elements.LARGEST_HALF_WIDTH_M, estimator.HOVER_MPS, coordinated_turn.SLOWEST_MPS,
+        elements.LARGEST_HALF_WIDTH_M, manoeuvre.HOVER_MPS, coordinated_turn.SLOWEST_MPS,
         coordinated_turn.TURN_SPEED_MIN_MPS, coordinated_turn.TURN_RATE_MAX_RADPS, estimator.ALONG_SHARE,
         estimator.ACROSS_SHARE, float(models.turns), coordinated_turn.SMALL_ANGLE_RAD,
         models.wander, coordinated_turn.LEAST_TURN_RAD, coordinated_turn.LEAST_UPDATE_RAD,

@@ -19,6 +19,7 @@ from aeroskein.adjoint import Adjoint
 from aeroskein.closed import Estimate
 from aeroskein.elements import BOUNDARY_SIGMAS, clamped_half_width
 from aeroskein.gating import GATE, GateMemory, astray_velocity_variance
+from aeroskein.manoeuvre import HOVER_MPS
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.reasons import Reason
 from aeroskein.windows import CENTRE, REPORT, SETTLED, Window
@@ -29,8 +30,6 @@ __all__ = ["estimate"]
 # bank fast.
 ALONG_SHARE: Final = 0.25
 ACROSS_SHARE: Final = 2.5
-# Below this an aircraft has no direction worth the name: hovering, or standing. [m/s]
-HOVER_MPS: Final = 15.0
 
 
 @dataclass(slots=True)

@@ -18,7 +18,8 @@ from aeroskein import coordinated_turn, kalman
 from aeroskein.plots import Array, Bools
 
 __all__ = [
-    "DETECTOR", "JERK_DENSITY", "LIVE", "MODELS", "START", "ModelSet", "initial", "jerk_density", "mixture", "step",
+    "DETECTOR", "HOVER_MPS", "JERK_DENSITY", "LIVE", "MODELS", "START", "ModelSet", "initial", "jerk_density",
+    "mixture", "step",
 ]  # fmt: skip
 
 MODELS: Final = 3
@@ -74,7 +75,7 @@ LIVE: Final = ModelSet(
     wander=0.15**2,
     turns=True,
 )
-# Slower, an aircraft hovers. [m/s]
+# Slower, an aircraft hovers or stands, and has no direction worth the name. [m/s]
 HOVER_MPS: Final = 15.0
 # Before anything is known.
 START: Final = np.array([0.80, 0.15, 0.05])
