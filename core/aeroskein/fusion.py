@@ -9,7 +9,6 @@ the live state's.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,9 +22,10 @@ from aeroskein.enclosing_circle import smallest_circles
 from aeroskein.plots import Array, Bools
 from aeroskein.reasons import Reason
 from aeroskein.settings import EngineSettings
+from aeroskein.spikes import turns_back
 from aeroskein.windows import REPORT, Window
 
-__all__ = ["Fused", "diverged", "fuse", "turns_back"]
+__all__ = ["Fused", "diverged", "fuse"]
 
 # A polyline axis has a piece about every second: at 3 degrees a second its chord bends off by less than a metre. [s]
 PIECE_S: Final = 1.0
@@ -37,9 +37,6 @@ BESIDE_SIGMAS: Final = 4.0
 FEWEST: Final = 5
 NEAR_S: Final = 4.0
 SLOWEST_MPS: Final = 15.0
-# And a spike: a track that turns back with a smaller angle than this, where its legs are more than noise. [deg], [m]
-SPIKE_DEG: Final = 20.0
-SPIKE_LEG_M: Final = 10.0
 
 
 @dataclass(slots=True, eq=False)
@@ -119,7 +116,7 @@ def diverged(closed: Closed) -> Bools:
     """Where the smoothed state contradicts the reports that it was made of, ``(n,)``: the published filter's checks.
 
     Either its accepted reports were surprises on average, or too many of those around the centre lie on one side
-    of the smoothed flight. That it makes a spike is the third check, see ``turns_back``.
+    of the smoothed flight. That it makes a spike is the third check, see ``spikes.turns_back``.
     """
     e, w = closed.estimate, closed.window
     accepted = (w.kind == REPORT) & (e.reason == 0)
@@ -138,15 +135,6 @@ def diverged(closed: Closed) -> Bools:
     far = near & (beside**2 > BESIDE_SIGMAS**2 * np.where(near, variance, 1.0))
     one_side = np.maximum((far & (beside > 0.0)).sum(axis=0), (far & (beside < 0.0)).sum(axis=0))
     return np.asarray((one_side >= FEWEST) | ((count >= FEWEST) & (surprise > MEAN_DISTANCE * count)))
-
-
-def turns_back(before: Array, place: Array) -> Bools:
-    """Where places ``(2, n)`` make a spike of the last one of ``before`` ``(4, n)``: the track would turn back."""
-    leg, following = before[2:] - before[:2], place - before[2:]
-    lengths = np.hypot(leg[0], leg[1]), np.hypot(following[0], following[1])
-    long = (lengths[0] > SPIKE_LEG_M) & (lengths[1] > SPIKE_LEG_M)
-    back = -(leg * following).sum(axis=0) > math.cos(math.radians(SPIKE_DEG)) * lengths[0] * lengths[1]
-    return np.asarray(long & back)
 
 
 def _report_covariance(window: Window, x: Array) -> tuple[Array, Array, Array]:

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from aeroskein import kalman, manoeuvre
+from aeroskein import kalman, manoeuvre, spikes
 from aeroskein.lanes import continues
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
@@ -31,6 +31,8 @@ USED: Final = (
     "time_s", "east_m", "north_m", "r_ee", "r_en", "r_nn", "v_east_mps", "v_north_mps", "velocity_variance",
     "time_variance", "altitude_m", "height_m", "vertical_rate_mps",
 )  # fmt: skip
+# Points further apart in time do not make a spike. [s]
+NEIGHBOUR_S: Final = 10.0
 # Where a flight begins nothing is known of its velocity and acceleration. [m/s], [m/s²]
 START_VELOCITY_SIGMA: Final = 250.0
 START_ACCELERATION_SIGMA: Final = 3.0
@@ -66,6 +68,8 @@ class LiveProduct:
         self.rejected = np.zeros(capacity, dtype=np.int32)
         # Time of the last live point; the product never goes back behind it. [s since the epoch]
         self.published_s = np.full(capacity, -np.inf)
+        # East and north of the last two live points, the older one first. [m]
+        self.places_m = np.full((capacity, 4), np.nan)
         # Points of one track are at least this far apart. [s]
         self.every_s = 0.0
 
@@ -77,6 +81,7 @@ class LiveProduct:
         self.sources = np.concatenate([self.sources, np.zeros((more, self.sources.shape[1]), dtype=np.int32)])
         self.rejected = np.concatenate([self.rejected, np.zeros(more, dtype=np.int32)])
         self.published_s = np.concatenate([self.published_s, np.full(more, -np.inf)])
+        self.places_m = np.concatenate([self.places_m, np.full((more, 4), np.nan)])
 
     def clear(self, slots: Ints) -> None:
         """Make the slots of new tracks blank."""
@@ -85,6 +90,7 @@ class LiveProduct:
         self.sources[slots] = 0
         self.rejected[slots] = 0
         self.published_s[slots] = -np.inf
+        self.places_m[slots] = np.nan
 
     def start(self, reports: Measurements) -> None:
         """Begin tracks with their first report, one row each."""
@@ -141,6 +147,16 @@ class LiveProduct:
                 slots[: len(rows)], time_s, altitude_m, height_m, rate_mps, self._altitude_sigma_m[sensor[rows]]
             )
         self.bank.put(slots, work)
+
+    def place(self, slots: Ints, time_s: Array, place: Array) -> Array:
+        """Note places ``(2, n)`` that are published; returns what must be added so that no track turns back. [m]"""
+        before = self.places_m[slots].T
+        # Behind a gap a track may come back anywhere.
+        before[:2, time_s - self.published_s[slots] > NEIGHBOUR_S] = np.nan
+        shift = spikes.held(before, place)
+        self.places_m[slots, :2], self.places_m[slots, 2:] = before[2:].T, (place + shift).T
+        self.published_s[slots] = time_s
+        return shift
 
     def state_at(self, slots: Ints, time_s: Array) -> tuple[Array, Array]:
         """Mixed state ``(6, n)`` and covariance ``(24, n)`` at times not before the newest report."""

@@ -22,8 +22,14 @@ __all__ = ["Vertical", "element_points", "element_vertical", "live_points", "liv
 def live_points(state: EngineState, slots: Ints, time_s: Array) -> FusedPoints:
     """One live point per track at the given times; what counts since the last point begins anew."""
     live = state.live
-    live.published_s[slots] = time_s
-    points = live_state(state, slots, time_s, state.next_seq(Product.LIVE, slots))
+    x, position_cov, velocity_cov = live.bank.motion_at(slots, time_s)
+    shift = live.place(slots, time_s, x[:2])
+    x[:2] += shift
+    # By as much as it was held back the point is known to be off.
+    position_cov += shift[[0, 0, 1]] * shift[[0, 1, 1]]
+    seq = state.next_seq(Product.LIVE, slots)
+    points = _live(state, slots, time_s, (x, position_cov, velocity_cov), seq)
+    points.flags[shift.any(axis=0)] |= np.uint16(Flag.GUARDED)
     live.sources[slots] = 0
     live.rejected[slots] = 0
     return points
@@ -31,9 +37,12 @@ def live_points(state: EngineState, slots: Ints, time_s: Array) -> FusedPoints:
 
 def live_state(state: EngineState, slots: Ints, time_s: Array, seq: Ints) -> FusedPoints:
     """The live states of tracks at the given times, without publishing anything."""
+    return _live(state, slots, time_s, state.live.bank.motion_at(slots, time_s), seq)
+
+
+def _live(state: EngineState, slots: Ints, time_s: Array, motion: tuple[Array, Array, Array], seq: Ints) -> FusedPoints:
     live, tracks = state.live, state.tracks
     n = len(slots)
-    motion = live.bank.motion_at(slots, time_s)
     altitude, height, rate, _ = live.vertical.at(slots, time_s)
     status = tracks.status[slots]
     flags = tracks.flags[slots].copy()

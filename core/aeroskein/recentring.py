@@ -44,6 +44,7 @@ def recentre(state: EngineState) -> Ints:
     for bank in (state.live.bank, state.elements.detector):
         _move_bank(bank, slots, old, new, turn)
     _move_elements(state.elements, slots, old, new, turn)
+    _move_places(state.live.places_m, slots, old, new)
     _move_reports(state.buffers.rows, slots, old, new, turn)
     return slots
 
@@ -80,10 +81,15 @@ def _move_elements(elements: ElementTable, slots: Ints, old: Array, new: Array, 
     _move_state(states[:6], old, new, turn)
     states[6:] = _turned(turn, states[6:])
     elements.states[slots] = states.T
-    places = elements.places_m[slots]
+    _move_places(elements.places_m, slots, old, new)
+
+
+def _move_places(places_m: Array, slots: Ints, old: Array, new: Array) -> None:
+    """The last two published places ``(capacity, 4)`` of some tracks, in place."""
+    places = places_m[slots]
     for k in (0, 2):
         places[:, k], places[:, k + 1], _ = geodesy.move_frame(old, new, places[:, k], places[:, k + 1])
-    elements.places_m[slots] = places
+    places_m[slots] = places
 
 
 def _move_reports(rings: Rings, slots: Ints, old: Array, new: Array, turn: Array) -> None:

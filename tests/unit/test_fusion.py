@@ -11,7 +11,7 @@ from tests.builders import ADSB, RADAR1, measurements
 
 from aeroskein.buffers import ReportBuffers
 from aeroskein.closed import Closed, Estimate
-from aeroskein.fusion import Fused, fuse, turns_back
+from aeroskein.fusion import Fused, fuse
 from aeroskein.gating import GateMemory
 from aeroskein.reasons import Reason
 from aeroskein.settings import EngineSettings, FusionSettings, PatentSettings
@@ -126,12 +126,6 @@ def test_a_smoothed_place_that_makes_the_track_turn_back_is_held_back(filtered_e
     # Where the filtered place turns back too, nothing is gained by it.
     assert fused.guarded.tolist() == [guarded]
     assert place(fused)[0] == (filtered_east_m if guarded else -1100.0)
-
-
-def test_no_spike_is_seen_in_a_turn_in_noise_or_at_the_beginning() -> None:
-    before = np.array([[0.0, 0.0, 800.0, 0.0], [0.0, 0.0, 8.0, 0.0], [np.nan, np.nan, 0.0, 0.0]]).T
-
-    assert not turns_back(before, np.array([[300.0, 400.0], [0.0, 0.0], [-500.0, 0.0]]).T).any()
 
 
 @pytest.mark.parametrize("mode", ["information", "weighted", "patent"])
