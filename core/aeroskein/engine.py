@@ -36,8 +36,10 @@ from aeroskein.settings import EngineSettings
 
 __all__ = ["ElementRecord", "FusionEngine"]
 
-# Elements closed in one pass; more would keep input waiting, fewer would pay the fixed cost of a pass more often.
-LANES: Final = 512
+# Elements closed in one pass: more would leave the cache, fewer would pay the fixed cost of a pass more often.
+LANES: Final = 1024
+# Where that many aircraft fly, fewer elements than that wait so long for others. [s]
+GATHER_S: Final = 0.2
 # Biases drift and aircraft leave their planes slowly; once a second is often enough. [s]
 SLOW_PERIOD_S: Final = 1.0
 
@@ -130,10 +132,7 @@ class FusionEngine:
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
         until_s = np.minimum(now_s, state.tracks.ends_s())
         left = 2**62 if most is None else most
-        while left > 0:
-            due = np.flatnonzero(state.elements.open & (state.elements.due_s <= until_s))
-            if not len(due):
-                break
+        while left > 0 and len(due := self._due(until_s)):
             if len(due) > left:
                 due = np.sort(due[np.argpartition(state.elements.due_s[due], left)[:left]])
             left -= len(due)
@@ -149,6 +148,15 @@ class FusionEngine:
             silence.excuse(state, now_s)
             state.elements.wait_s = state.lateness.follow()
         return events
+
+    def _due(self, until_s: Array) -> Ints:
+        """Slots of the elements to close now; a few of very many wait a moment for others, which makes them cheaper."""
+        elements = self._state.elements
+        due = np.flatnonzero(elements.open & (elements.due_s <= until_s))
+        gathers = len(due) < LANES and np.count_nonzero(elements.open) >= LANES
+        if gathers and self._now_s - elements.due_s[due].min(initial=math.inf) < GATHER_S:
+            return due[:0]
+        return due
 
     def finish(self, *, now_s: float, most: int | None = None) -> list[Event]:
         """The input has ended: close open elements with what there is.

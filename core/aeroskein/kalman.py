@@ -311,9 +311,10 @@ def apply(x: Array, P: Array, i: Innovation, ok: Bools) -> Gains:
     np.divide(ok, i.s, out=scale[1])
     np.sqrt(scale, out=scale)
     a = np.empty(i.a.shape)
-    np.subtract(i.a[1], i.ell * i.a[0], out=a[1])
-    a[0] = i.a[0]
-    a *= scale[:, None]
+    np.multiply(i.ell, i.a[0], out=a[1])
+    np.subtract(i.a[1], a[1], out=a[1])
+    a[1] *= scale[1]
+    np.multiply(i.a[0], scale[0], out=a[0])
     m = np.empty(scale.shape)
     m[0] = i.n0
     np.subtract(i.n1, i.ell * i.n0, out=m[1])

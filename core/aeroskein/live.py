@@ -25,7 +25,7 @@ __all__ = ["LiveProduct", "first_state"]
 # neglects, would then matter. [s]
 LATEST_LAG_S: Final = 4.0
 # Tracks worked on together: more would not fit into the processor's cache.
-LANES: Final = 512
+LANES: Final = 1024
 # The columns of reports that the filters use, in their order.
 USED: Final = (
     "time_s", "east_m", "north_m", "r_ee", "r_en", "r_nn", "v_east_mps", "v_north_mps", "velocity_variance",
