@@ -45,6 +45,10 @@ class Believing:
         """These tracks have new planes."""
         self._integrity.moved(slots)
 
+    def lost(self, sensor: int) -> None:
+        """Reports of this sensor were lost before they came here."""
+        self._integrity.lost(sensor)
+
     def note(self, batch: Batch, reports: Measurements, unsure: Bools) -> None:
         """Show a batch of reports, with their tracks, in their planes; unsure ones may be another track's."""
         self._follow_capacity()

@@ -350,6 +350,10 @@ class FusionEngine:
         self._receiver.intake.sensor_on[index] = on
         return bool(self._receiver.intake.sensor_on[index])
 
+    def lost_input(self, sensor_id: str) -> None:
+        """Reports of this sensor were dropped before they came here; nobody is suspect for not being in them."""
+        self._receiver.believing.lost(self.settings.sensor_index(sensor_id))
+
     # -- state that survives a restart ---------------------------------------------------------
     def snapshot(self) -> bytes:
         """Registration state and end of the last published element per track, as bytes."""

@@ -1,8 +1,10 @@
 """How the worker shares its time: when it rests so that input gathers, and what it gives up when there is too much.
 
 Light traffic is worked on as it comes. The busier the worker, the longer it rests after a turn, because a larger batch
-costs less per report. When input waits too long all the same, live points are thinned first; when it waits longer
-still, as much of it is dropped as could not be worked on in time. All of it ends by itself. Times are arguments.
+costs less per report. Elements close while no input waits for long; else input comes first, for a live point is wanted
+now, until elements are late: then each gets half of the worker, whatever one of their portions takes. When input waits
+too long all the same, live points are thinned first; when it waits longer still, as much of it is dropped as could not
+be worked on in time. All of it ends by itself. Times are arguments.
 """
 
 from __future__ import annotations
@@ -28,6 +30,12 @@ THINS_FROM, THINS_UNTIL = 0.5, 0.25
 # One live point of a track in so long, step by step, each of them at least this long. [s]
 STEPS_S: Final = (0.0, 1.0, 2.0, 4.0)
 STEP_S: Final = 0.7
+# Input may wait this long for elements that are due. Else they get this share of the time that input takes, and as much
+# as it takes when they are late; what one of them has had too much is forgotten beyond a few portions. [s]
+WAITS_S: Final = 0.05
+SHARE: Final = 0.5
+LATE_S: Final = 2.0
+OWED_S: Final = 0.25
 # What is left after dropping waits this share of the patience, so that nothing is dropped at once again. One turn is
 # always left: a worker that was only held up has seen too few reports at a time to know how fast it is.
 KEEP: Final = 0.5
@@ -50,6 +58,7 @@ class Pace:
         self._taken = 0
         self._step = 0
         self._stepped_s = -inf
+        self._owed_s = 0.0
 
     def worked(self, began_s: float, ended_s: float, taken: int) -> None:
         """Note a turn, and how many bytes of input it worked on."""
@@ -65,6 +74,18 @@ class Pace:
         """How long to rest before input is taken again. [s]"""
         share = (self._busy - RESTS_FROM) / (RESTS_MOST_AT - RESTS_FROM)
         return LINGER_S * min(max(share, 0.0), 1.0) * min(self._taken / GATHERS, 1.0)
+
+    def took_in(self, spent_s: float, late_s: float) -> None:
+        """Note how long input was worked on, and how long the oldest element has been due."""
+        self._owed_s = min(self._owed_s + spent_s * (1.0 if late_s > LATE_S else SHARE), OWED_S)
+
+    def closed(self, spent_s: float) -> None:
+        """Note how long elements were closed."""
+        self._owed_s = max(self._owed_s - spent_s, -OWED_S)
+
+    def may_close(self, waited_s: float) -> bool:
+        """Whether elements come before input whose oldest has waited so long."""
+        return waited_s < WAITS_S or self._owed_s > 0.0
 
     def excess(self, waited_s: float) -> int | None:
         """How many bytes of input may stay when the oldest has waited so long; None where nothing is to be dropped."""

@@ -36,10 +36,9 @@ from aeroskein_service.status import Counters, is_fresh, sensor_alarms
 __all__ = ["Runner"]
 
 # Elements of many aircraft close together, which costs a fraction of closing them one by one: once in so long, so many
-# at a time. Between two of these input is taken; where both are too much each gets half of the worker.
+# at a time. Between two of these input is taken.
 TICK_S: Final = 0.25
-ELEMENTS: Final = 512
-SLICE_S: Final = 0.01
+ELEMENTS: Final = 1024
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
 SNAPSHOT_S: Final = 10.0
@@ -97,6 +96,7 @@ class Runner:
         self._complaints = Complaints(self._log)
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
+        self._dropped = list(inbox.dropped)
         self.status: dict[str, Any] | None = None
         self.turned_s = start_s
         self.failure: BaseException | None = None
@@ -146,8 +146,7 @@ class Runner:
 
     def _relieve(self) -> None:
         """Give up what cannot be done in time: live points first, then the oldest input of the loudest sensor."""
-        oldest_s = self._inbox.oldest_s()
-        waited_s = 0.0 if oldest_s is None else self._clock() - oldest_s
+        waited_s = self._waited_s()
         thinning_s = self._pace.thinning_s(waited_s, monotonic())
         if thinning_s != self._thinning_s:
             self._thinning_s = thinning_s
@@ -156,6 +155,16 @@ class Runner:
         keep = self._pace.excess(waited_s)
         if keep is not None:
             self._inbox.shed(keep)
+        dropped = list(self._inbox.dropped)
+        for sensor, now, before in zip(self._sensors, dropped, self._dropped, strict=True):
+            if now > before:
+                self._engine.lost_input(sensor.id)
+        self._dropped = dropped
+
+    def _waited_s(self) -> float:
+        """How long the oldest input that is not worked on yet has waited. [s]"""
+        oldest_s = self._inbox.oldest_s()
+        return 0.0 if oldest_s is None else self._clock() - oldest_s
 
     def _turn(self, arrivals: Sequence[Arrival]) -> None:
         self.turned_s = began_s = monotonic()
@@ -168,8 +177,10 @@ class Runner:
             self._publish(events)
         if arrivals:
             self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
+        deadline_s = self._engine.next_deadline_s()
+        self._pace.took_in(monotonic() - began_s, 0.0 if deadline_s is None else now_s - deadline_s)
         if monotonic() >= self._next_advance_s:
-            self._advance(monotonic() - began_s)
+            self._advance()
         # The engine's deadline moves with its input, so only its absence counts: without tracks nothing is due.
         idle = self._engine.next_deadline_s() is None
         self._next_advance_s = inf if idle else self._advance_from_s
@@ -181,16 +192,17 @@ class Runner:
         self._pace.worked(began_s, ended_s, sum(len(arrival.payload) for arrival in arrivals))
         self._take_from_s = ended_s + self._pace.linger_s
 
-    def _advance(self, input_s: float) -> None:
-        """Let time pass for as long as input has just taken; what is then still due comes after the next input."""
+    def _advance(self) -> None:
+        """Let time pass while elements may come before input; what is then still due comes after the next input."""
         began_s = monotonic()
         more = True
-        while more and monotonic() - began_s < max(input_s, SLICE_S):
+        while more and self._pace.may_close(self._waited_s()):
             start_ns = perf_counter_ns()
             events = self._engine.advance(now_s=self._clock(), most=ELEMENTS)
             closed = _elements(events)
             self._stages.add("advance", perf_counter_ns() - start_ns, closed)
             self._publish(events)
+            self._pace.closed((perf_counter_ns() - start_ns) * 1e-9)
             more = closed >= ELEMENTS
         self._advance_from_s = began_s if more else began_s + TICK_S
 
@@ -210,7 +222,7 @@ class Runner:
         ends_s = monotonic() + FINISH_S
         closed = 1
         while closed and monotonic() < ends_s:
-            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS)
+            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS // 4)
             closed = _elements(events)
             self._publish(events)
         if closed:

@@ -56,6 +56,8 @@ def test_overload_is_said_thins_live_points_drops_of_the_loud_sensor_only_and_en
             return receive(plots, now_s=now_s)
 
         engine.receive = slowly
+        lost = list[str]()
+        engine.lost_input = lost.append
         slow.set()
 
         def overloaded() -> bool:
@@ -74,6 +76,7 @@ def test_overload_is_said_thins_live_points_drops_of_the_loud_sensor_only_and_en
         sensors = service.status["sensors"]
     assert sensors["adsb"]["rejected"]["overload"] == sensors["adsb"]["dropped"]
     assert sensors["radar1"]["dropped"] == 0
+    assert set(lost) == {"adsb"}
     # Thinned live points leave no hole in their numbers.
     points = [point for message in live.messages for point in message["points"]]
     for track in {point["track"] for point in points}:

@@ -85,3 +85,42 @@ def test_a_short_wait_between_the_limits_changes_nothing():
     pace = Pace(PATIENCE_S)
     pace.thinning_s(0.9, 0.0)
     assert [pace.thinning_s(0.4, 10.0 + tick) for tick in range(5)] == [1.0] * 5
+
+
+def shared(input_s: float, late_s: float, portion_s: float = 0.08, rounds: int = 200) -> float:
+    """Share of the worker that elements get while both they and input are too much."""
+    pace, closing_s = Pace(PATIENCE_S), 0.0
+    for _ in range(rounds):
+        pace.took_in(input_s, late_s)
+        while pace.may_close(waited_s=1.0):
+            pace.closed(portion_s)
+            closing_s += portion_s
+    return closing_s / (closing_s + rounds * input_s)
+
+
+def test_elements_close_as_long_as_no_input_waits():
+    pace = Pace(PATIENCE_S)
+    for _ in range(20):
+        assert pace.may_close(waited_s=0.01)
+        pace.closed(0.08)
+
+
+def test_input_comes_first_until_elements_are_late_whatever_a_portion_takes():
+    for input_s in (0.005, 0.05, 0.2):
+        assert abs(shared(input_s, late_s=0.5) - 1 / 3) < 0.03
+        assert abs(shared(input_s, late_s=3.0) - 1 / 2) < 0.03
+
+
+def test_a_long_rest_of_either_is_forgotten():
+    busy, idle = Pace(PATIENCE_S), Pace(PATIENCE_S)
+    for _ in range(1000):
+        busy.took_in(0.1, 0.0)
+        idle.closed(0.1)
+    portions = 0
+    while busy.may_close(waited_s=1.0):
+        busy.closed(0.05)
+        portions += 1
+    assert portions <= 6
+    for _ in range(6):
+        idle.took_in(0.1, 0.0)
+    assert idle.may_close(waited_s=1.0)

@@ -159,6 +159,12 @@ class Integrity:
         """The planes of these tracks have moved: stored places no longer hold."""
         self._own.forget(slot)
 
+    def lost(self, sensor: int) -> None:
+        """Plots of this sensor were lost on their way here: what it has not shown until now was not missed."""
+        self._due_s[sensor] = np.nan
+        self._before[sensor] = np.nan
+        self._on_s[sensor] = self._newest_s[sensor]
+
     # -- what is believed ----------------------------------------------------------------------------------------
     def belief(self, slot: Ints) -> Ints:
         """``Belief`` of each track, ``(n,)``."""

@@ -65,6 +65,19 @@ def test_what_a_radar_did_not_see_while_it_was_off_was_not_missed(silent: tuple[
     assert not [a for _, a, b in run.changes if b == Belief.SUSPECT]
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_plots_that_are_lost_on_their_way_make_nobody_suspect(told: bool) -> None:
+    run = Run(World(aircraft=24, seed=3, range_max_m=RANGE_M))
+    for s in range(1, 150):
+        overloaded = 50 <= s < 110
+        run.world.detection = 0.2 if overloaded else 0.97
+        for sensor in (0, 1, 2) if told and overloaded else ():
+            run.integrity.lost(sensor)
+        run.second(float(s))
+
+    assert any(b == Belief.SUSPECT for _, _, b in run.changes) != told
+
+
 def drifting(seed: int, honest_again_s: float = np.inf) -> World:
     def displaced(aircraft: Ints, s: float) -> Array:
         size = 10.0 * (s - 60.0) if 60.0 <= s < honest_again_s else 0.0
