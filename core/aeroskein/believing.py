@@ -7,7 +7,9 @@ radars see it, and out of registration.
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from dataclasses import fields
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -25,6 +27,11 @@ __all__ = ["Believing"]
 DOUBTED_SIGMA_M: Final = 5000.0
 # A radar sees a track while its last plot is younger than this many of its periods. [periods]
 LIVE_PERIODS: Final = 2.5
+# Small batches are shown to integrity together, for it judges once a second only: after so long, or so many reports.
+GATHER_S: Final = 0.2
+GATHER: Final = 1000
+
+_Columns = TypeVar("_Columns", OwnPositions, Looks)
 
 
 class Believing:
@@ -35,21 +42,26 @@ class Believing:
         self._integrity = Integrity(state.settings, state.tracks.capacity)
         self._slots = state.tracks.capacity
         self._own_positions = ~state.sensors.is_radar
+        self._own, self._looks = list[OwnPositions](), list[Looks]()
+        self._gathered, self._shown_s = 0, -math.inf
 
     def clear(self, slots: Ints) -> None:
         """These slots belong to new tracks."""
+        self._show()
         self._follow_capacity()
         self._integrity.reset(slots)
 
     def moved(self, slots: Ints) -> None:
         """These tracks have new planes."""
+        self._show()  # in the planes of before, as are the places that it is compared with
         self._integrity.moved(slots)
 
     def lost(self, sensor: int) -> None:
         """Reports of this sensor were lost before they came here."""
+        self._show()
         self._integrity.lost(sensor)
 
-    def note(self, batch: Batch, reports: Measurements, unsure: Bools) -> None:
+    def note(self, batch: Batch, reports: Measurements, unsure: Bools, now_s: float) -> None:
         """Show a batch of reports, with their tracks, in their planes; unsure ones may be another track's."""
         self._follow_capacity()
         sensor = reports.sensor.astype(np.int64)
@@ -69,21 +81,34 @@ class Believing:
             )
             unverified = own[self._integrity.belief(reports.slot[own]) == Belief.UNVERIFIED]
             self._state.tracks.flags[reports.slot[unverified]] |= np.uint16(Flag.ADSB_UNVERIFIED)
-            self._integrity.own(OwnPositions(reports.slot[own], reports.time_s[own], place[own], velocity, covariance))
+            self._own.append(OwnPositions(reports.slot[own], reports.time_s[own], place[own], velocity, covariance))
         seen = np.flatnonzero(~self._own_positions[sensor])
         if len(seen):
             # A plot that may be a neighbour's says that the track was seen, not where.
             vague = np.where(unsure[seen], DOUBTED_SIGMA_M**2, 0.0)
-            self._integrity.looks(
+            self._looks.append(
                 Looks(
                     sensor[seen], reports.slot[seen], reports.time_s[seen], place[seen],
                     columns_of(reports.r_ee[seen] + vague, reports.r_en[seen], reports.r_nn[seen] + vague),
                     batch.plots.range_m[seen], batch.plots.azimuth_deg[seen], batch.located.height_m[seen],
                 )
             )  # fmt: skip
+        self._gathered += len(reports)
+        if self._gathered >= GATHER or now_s - self._shown_s >= GATHER_S:
+            self._shown_s = now_s
+            self._show()
+
+    def _show(self) -> None:
+        """Show integrity what has been gathered."""
+        if self._own:
+            self._integrity.own(_together(self._own))
+        if self._looks:
+            self._integrity.looks(_together(self._looks))
+        self._own, self._looks, self._gathered = [], [], 0
 
     def check(self, now_s: float) -> None:
         """Judge all tracks with own positions, about once a second, and set their flags."""
+        self._show()
         state, tracks = self._state, self._state.tracks
         self._follow_capacity()
         active = tracks.active
@@ -130,3 +155,11 @@ class Believing:
         if self._slots < self._state.tracks.capacity:
             self._slots = self._state.tracks.capacity
             self._integrity.grow(self._slots)
+
+
+def _together(parts: list[_Columns]) -> _Columns:
+    """Columns of several batches one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    names = [field.name for field in fields(parts[0])]
+    return type(parts[0])(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

@@ -72,7 +72,7 @@ class Receiver:
             batch, reports = batch.take(kept), reports.take(kept)
         _give_velocity(reports, named)
         # Before any gate: what a gate refuses may be what contradicts the own positions.
-        self.believing.note(batch, reports, _among(batch.rows, named.unsure))
+        self.believing.note(batch, reports, _among(batch.rows, named.unsure), now_s)
         self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
         if not room.all():
