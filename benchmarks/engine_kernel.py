@@ -67,7 +67,7 @@ def configure(kernel: ctypes.CDLL, models: manoeuvre.ModelSet) -> None:
         coordinated_turn.TURN_SPEED_MIN_MPS, coordinated_turn.TURN_RATE_MAX_RADPS, estimator.ALONG_SHARE,
         estimator.ACROSS_SHARE, float(models.turns), coordinated_turn.SMALL_ANGLE_RAD,
         models.wander, coordinated_turn.LEAST_TURN_RAD, coordinated_turn.LEAST_UPDATE_RAD,
-        coordinated_turn.MOST_UPDATE_RAD, models.held, coordinated_turn.SMALL_TURN_RAD,
+        coordinated_turn.MOST_UPDATE_RAD, models.held, coordinated_turn.SMALL_TURN_RAD, models.negligible,
     ])  # fmt: skip
     kernel.configure(*(_pointer(a) for a in (models.rates, models.jerk, rest)))
 

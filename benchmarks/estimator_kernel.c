@@ -103,7 +103,7 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 }
 
 /* Given by the caller, so that they stand in one place only. */
-static double RATES[3][3], JERK[3], STEADY, HELD, WANDER, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
+static double RATES[3][3], JERK[3], STEADY, HELD, WANDER, NEGLIGIBLE, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
 static double SMALL, SMALL_TURN, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
 static int TURNS;
 
@@ -113,7 +113,7 @@ void configure(const double *rates, const double *jerk, const double *rest) {
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
     TURNS = rest[11] > 0.0; SMALL = rest[12]; WANDER = rest[13]; LEAST_TURN = rest[14]; LEAST_UPDATE = rest[15];
-    MOST_UPDATE = rest[16]; HELD = rest[17]; SMALL_TURN = rest[18];
+    MOST_UPDATE = rest[16]; HELD = rest[17]; SMALL_TURN = rest[18]; NEGLIGIBLE = rest[19];
     DOUBT = SIGMAS * SIGMAS;
 }
 
@@ -285,6 +285,11 @@ static void mix(V x[MODELS][6], V P[MODELS][24], V *mu, const double *h) {
     }
     for (int j = 0; j < 3; j++) EACH c[j][l] = T[0][j][l] * mu[0][l] + T[1][j][l] * mu[1][l] + T[2][j][l] * mu[2][l];
     for (int i = 0; i < 3; i++) for (int j = 0; j < 3; j++) EACH W[i][j][l] = T[i][j][l] * mu[i][l] / c[j][l];
+    if (NEGLIGIBLE > 0.0) for (int j = 0; j < 3; j++) EACH {
+        double sum = 0.0;
+        for (int i = 0; i < 3; i++) { W[i][j][l] *= W[i][j][l] >= NEGLIGIBLE; sum += W[i][j][l]; }
+        for (int i = 0; i < 3; i++) W[i][j][l] /= sum;
+    }
     for (int k = 0; k < 3; k++) for (int i = 0; i < 6; i++) EACH d[k][i][l] = x[A[k]][i][l] - x[B[k]][i][l];
     V mixed[MODELS][6], spread[MODELS][24];
     for (int j = 0; j < 3; j++) {
@@ -318,12 +323,17 @@ void imm_step(long n, double *xs, double *Ps, double *mus, const double *h, cons
         for (int i = 0; i < 12; i++) EACH C[0][gone[i]][l] = 0.0;
         EACH X[0][4][l] = X[0][5][l] = 0.0;
         for (int m = 0; m < MODELS; m++) {
-            V jerk;
-            EACH jerk[l] = JERK[m];
-            if (TURNS && m == 1) circle(X[m], C[m], H, JERK[m]);
-            else predict(X[m], C[m], H, jerk);
+            if (TURNS && m == 1) { circle(X[m], C[m], H, JERK[m]); continue; }
+            V q, less, e, n;
+            EACH q[l] = TURNS ? 0.0 : JERK[m];
+            predict(X[m], C[m], H, q);
+            if (TURNS && m == 2) {
+                across_of(X[m][2], X[m][3], e, n);
+                EACH { q[l] = JERK[m] * H[l]; less[l] = -q[l]; }
+                jerk(C[m], H, q, less, e, n);
+            }
         }
-        for (int m = 0; m < 1 + TURNS; m++) for (int i = 0; i < 2; i++) EACH {
+        for (int m = 0; m < (TURNS ? MODELS : 1); m++) for (int i = 0; i < 2; i++) EACH {
             V *P = C[m];
             int hovers = X[0][2][l] * X[0][2][l] + X[0][3][l] * X[0][3][l] < HOVER * HOVER;
             double q = (m ? WANDER : hovers ? HELD : STEADY) * H[l];

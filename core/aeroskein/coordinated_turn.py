@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from aeroskein import kalman
 from aeroskein.plots import Array, Ints
 
-__all__ = ["Turned", "circle", "keep_speed", "predict"]
+__all__ = ["Turned", "add_jerk", "circle", "keep_speed", "predict"]
 
 # Slower, a direction of flight is noise: an aircraft may then accelerate any way. [m/s]
 SLOWEST_MPS: Final = 30.0
@@ -116,6 +116,11 @@ def _jerk_density(velocity: Array, along: Array, across: Array | float) -> Array
     return density
 
 
+def add_jerk(P: Array, velocity: Array, h: Array, *, along: Array | float = 0.0, across: Array | float = 0.0) -> None:
+    """Add white jerk over ``h`` ``(n,)`` [s] along and across velocities ``(2, n)`` [m/s], in place. [m²/s⁵]"""
+    kalman.add_jerk_noise(P, h, _jerk_density(velocity, along * h, across * h))
+
+
 def _move(x: Array, h: Array, angle: Array) -> None:
     """Move the states ``(6, n)`` themselves, in place; ``angle`` is what they turn by. [rad]
 
@@ -209,8 +214,7 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
     _circle_errors(P, by_v, by_a, integral, turn, integral_by_w * v, h * quarter, w, quarter)
     # Noise across the middle of the step.
     middle = v_turned * (half_cos - 1j * half_sin)
-    velocity = np.stack([middle.real, middle.imag])
-    kalman.add_jerk_noise(P, h, _jerk_density(velocity, np.zeros(len(h)), across * h))
+    add_jerk(P, np.stack([middle.real, middle.imag]), h, across=across)
 
 
 def _circle_errors(

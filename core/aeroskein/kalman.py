@@ -33,6 +33,7 @@ __all__ = [
     "from_matrix",
     "innovation",
     "lagged_innovation",
+    "move",
     "move_covariance",
     "outer",
     "outer_sum",
@@ -104,9 +105,7 @@ def predict(x: Array, P: Array, h: Array, q: Array) -> None:
     q : (..., n) array
         Power spectral density of the jerk. [m²/s⁵]
     """
-    x[0:2] += h * x[2:4] + (0.5 * h * h) * x[4:6]
-    x[2:4] += h * x[4:6]
-    move_covariance(P, h)
+    move(x, P, h)
     qh = q * h
     qh2 = qh * h
     qh3 = qh2 * h
@@ -117,6 +116,13 @@ def predict(x: Array, P: Array, h: Array, q: Array) -> None:
     P[12:18:5] += qh3 / 3.0
     P[14:20:5] += qh2 / 2.0
     P[20:24:3] += qh
+
+
+def move(x: Array, P: Array, h: Array) -> None:
+    """Move states ``(6, ..., n)`` and covariances by ``h`` ``(n,)`` [s] under constant acceleration, in place."""
+    x[0:2] += h * x[2:4] + (0.5 * h * h) * x[4:6]
+    x[2:4] += h * x[4:6]
+    move_covariance(P, h)
 
 
 def move_covariance(P: Array, h: Array) -> None:

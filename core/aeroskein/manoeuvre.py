@@ -37,12 +37,14 @@ class ModelSet:
     rates : (3, 3) array
         Transition rates, row = from, column = to. [1/s]
     jerk : (3,) array
-        Density of white jerk on both axes; across the flight only where the second model is a turn. [m²/s⁵]
+        Density of white jerk on both axes; with ``turns`` across the flight only, and along it only. [m²/s⁵]
     steady, held, wander : float
-        Density of white acceleration of the first model, in flight and while it hovers; of the second, where that is a
-        turn. [m²/s³]
+        Density of white acceleration of the first model, in flight and while it hovers; of the others, with ``turns``.
+        [m²/s³]
+    negligible : float
+        Share of what a model begins its step with, below which it takes nothing from another.
     turns : bool
-        Whether the second model is a turn at constant speed instead of a manoeuvre of any kind.
+        Whether the others are a turn at constant speed and a change of speed, not manoeuvres of any kind.
     """
 
     rates: Array
@@ -50,6 +52,7 @@ class ModelSet:
     steady: float
     held: float
     wander: float
+    negligible: float
     turns: bool
 
 
@@ -61,18 +64,24 @@ DETECTOR: Final = ModelSet(
     steady=STEADY_ACCELERATION_DENSITY,
     held=STEADY_ACCELERATION_DENSITY,
     wander=0.0,
+    negligible=0.0,
     turns=False,
 )
 # Turn at constant speed: the bank that makes 3 degrees a second at 130 m/s comes and goes within five seconds, that is
-# 1.4 m/s³, and stays in between. Change of speed: thrust takes seconds to come, 0.3 m/s³, and the flight is straight or
-# nearly so. A turn begins every five minutes, a change of speed every quarter of an hour; they last minutes and end by
-# rolling out, which their own noise allows, rather than at once. Who hovers is held in place.
+# 1.4 m/s³, and stays in between. Change of speed: thrust takes seconds to come, 0.2 m/s³, and acts along the flight. A
+# turn begins every five minutes, a change of speed every quarter of an hour; they last minutes and end by rolling out,
+# which their own noise allows, rather than at once. Who hovers is held in place, to some cm/s.
+#
+# Nothing is taken from a turn that hardly anything speaks for: what was merged cannot be told apart again. A thousandth
+# of a turn that nobody flies, given back to steady flight every few seconds, would be more noise than all gusts, where
+# only radars see it; a tree of hypotheses would have dropped it.
 LIVE: Final = ModelSet(
     rates=np.array([[0.0, 0.003, 0.001], [0.005, 0.0, 0.001], [0.0125, 0.025, 0.0]]),
-    jerk=np.array([0.0, 1.0**2, 0.3**2]),
+    jerk=np.array([0.0, 1.0**2, 0.2**2]),
     steady=0.08**2,
-    held=0.02**2,
+    held=0.01**2,
     wander=0.15**2,
+    negligible=0.02,
     turns=True,
 )
 # Slower, an aircraft hovers or stands, and has no direction worth the name. [m/s]
@@ -112,6 +121,9 @@ def _mix(x: Array, P: Array, mu: Array, h: Array, models: ModelSet) -> tuple[Arr
     T = transition(h, models)
     c = np.einsum("ijn,in->jn", T, mu)
     W = T * (mu[:, None, :] / c[None])
+    if models.negligible > 0.0:
+        W[models.negligible > W] = 0.0
+        W /= W.sum(axis=0)
     mixed_x = np.einsum("cin,ijn->cjn", x, W)
     n = x.shape[-1]
     # P_i and the outer products of the three differences side by side: one weighted sum does it all.
@@ -137,9 +149,10 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
     for rows in _OF_ACCELERATION:
         P[rows, 0] = 0.0
     if models.turns:
-        kalman.predict(x[:, ::2], P[:, ::2], h, models.jerk[::2, None])
+        kalman.move(x[:, ::2], P[:, ::2], h)
+        coordinated_turn.add_jerk(P[:, 2], x[2:4, 2], h, along=float(models.jerk[2]))
         coordinated_turn.circle(x[:, 1], P[:, 1], h, float(models.jerk[1]))
-        _add_white_acceleration(P[:, 1], models.wander * h, h)
+        _add_white_acceleration(P[:, 1:], models.wander * h, h)
     else:
         kalman.predict(x, P, h, models.jerk[:, None])
     hovers = x[2, 0] ** 2 + x[3, 0] ** 2 < HOVER_MPS**2

@@ -1,6 +1,7 @@
 """The live product: report by report in order of arrival, many aircraft at once."""
 
 import numpy as np
+import pytest
 from tests import plain_algebra as plain
 from tests.builders import measurements
 
@@ -72,6 +73,32 @@ def test_without_velocity_a_flight_may_go_anywhere() -> None:
     assert not x[2:].any()
     assert np.diag(full)[2] == 250.0**2
     assert full[0, 1] == full[1, 0] == 5.0
+
+
+def test_a_straight_flight_that_only_radars_see_is_known_nearly_as_well_as_if_no_turn_were_expected() -> None:
+    n, r = 80, 100.0**2
+    rng = np.random.default_rng(3)
+    time_s = 4.0 * np.arange(n)
+    plots = measurements(
+        n, time_s=time_s, east_m=200.0 * time_s + rng.normal(0, 100.0, n), north_m=rng.normal(0, 100.0, n), r_ee=r,
+        r_nn=r, v_east_mps=np.nan, v_north_mps=np.nan, velocity_variance=np.nan, time_variance=0.0,
+    )  # fmt: skip
+    live = LiveProduct(1, ALTITUDE_SIGMA_M)
+    live.clear(np.zeros(1, dtype=np.int64))
+    live.start(plots.take(np.zeros(1, dtype=np.int64)))
+
+    assert live.receive(plots, np.arange(n) == 0).all()
+
+    # A filter of constant velocity under white acceleration, one axis.
+    P, F = np.diag([r, 250.0**2]), np.array([[1.0, 4.0], [0.0, 1.0]])
+    for _ in range(n - 1):
+        P = F @ P @ F.T + 0.08**2 * np.array([[64.0 / 3.0, 8.0], [8.0, 4.0]])
+        P -= np.outer(P[:, 0], P[:, 0]) / (P[0, 0] + r)
+    steady = live.bank.take(np.zeros(1, dtype=np.int64)).P[:, 0, 0]
+    mixture = live.state_at(np.zeros(1, dtype=np.int64), time_s[-1:])[1][:, 0]
+    assert steady[[0, 12]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.05)
+    assert steady[[7, 17]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.05)
+    assert max(mixture[0], mixture[7]) < 1.5 * P[0, 0]
 
 
 def test_late_reports_improve_the_state_and_do_not_turn_it_back() -> None:

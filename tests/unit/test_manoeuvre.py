@@ -13,6 +13,8 @@ N = 5
 GATE = 36.0
 ALL = np.ones(N, dtype=bool)
 seeds = st.integers(0, 2**31)
+# What leaves steady flight in four seconds, live: to a turn and to a change of speed.
+T_OUT = 0.012 / 1.024 + 0.004 / 1.008
 
 
 def steady(P: np.ndarray) -> np.ndarray:
@@ -110,6 +112,50 @@ def test_predict_is_the_textbook_one() -> None:
     got = manoeuvre.predict(*columns(made), h)
 
     assert_same(got, [moved(plain.interact(m, rates_over(h[k])), h[k]) for k, m in enumerate(made)])
+
+
+def flying(acceleration_variance: float, turn_share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A flight north at 200 m/s whose turn model, 30 m beside, has that much of the probability."""
+    x = np.zeros((6, 3, 1))
+    x[3], x[0, 1] = 200.0, 30.0
+    variances = np.repeat([900.0, 4.0, 0.0], 2)[None].repeat(3, axis=0)
+    variances[1:, 4:] = 0.01
+    variances[1, 2:] += acceleration_variance * np.repeat([25.0, 1.0], 2)
+    P = kalman.from_matrix(np.stack([np.diag(v) for v in variances])[:, None])
+    return x, P, np.array([[0.99 - turn_share], [turn_share], [0.01]])
+
+
+def test_steady_flight_takes_nothing_from_a_turn_that_hardly_anything_speaks_for() -> None:
+    h = np.array([4.0])
+    x, P, mu = manoeuvre.predict(*flying(4.0, 0.04), h, manoeuvre.LIVE)
+    steady_x, steady_P, _ = manoeuvre.predict(*flying(0.0, 0.04), h, manoeuvre.LIVE)
+    likely_x, likely_P, _ = manoeuvre.predict(*flying(4.0, 0.9), h, manoeuvre.LIVE)
+
+    assert np.array_equal(x[:, 0], steady_x[:, 0])
+    assert np.array_equal(P[:, 0], steady_P[:, 0])
+    # The probability goes over all the same.
+    assert mu[0, 0] == pytest.approx(0.95 * (1 - T_OUT) + 0.04 * 0.02 / 1.04 + 0.01 * 0.05 / 1.1, rel=1e-12)
+    # A turn that is likely hands over where it is, and what it does not know.
+    assert likely_x[0, 0, 0] > 2.0
+    assert likely_P[12, 0, 0] > 5.0 * P[12, 0, 0]
+
+
+def test_a_change_of_speed_lies_along_the_flight() -> None:
+    h = np.array([4.0])
+    x, P, mu = flying(0.0, 0.04)
+    mu[:, 0] = [0.0, 0.0, 1.0]
+    moved = P.copy()
+    kalman.move(x.copy()[:, 2], moved[:, 2], h)
+
+    grown = manoeuvre.predict(x, P, mu, h, manoeuvre.LIVE)[1][:, 2] - moved[:, 2]
+
+    full = kalman.to_matrix(grown)[0]
+    across, along = full[0::2, 0::2], full[1::2, 1::2]
+    white = Q_continuous_white_noise(dim=2, dt=4.0, spectral_density=0.15**2)
+    plain.close(across[:2, :2], white)
+    assert not across[2].any()
+    plain.close(along[:2, :2] - white, plain.jerk_noise(4.0, 0.2**2)[1:4:2, 1:4:2])
+    plain.close(along[2, 2], 4.0 * 0.2**2)
 
 
 def test_no_time_changes_no_bit() -> None:
