@@ -40,6 +40,8 @@ __all__ = ["ElementRecord", "FusionEngine"]
 LANES: Final = 1024
 # Where that many aircraft fly, fewer elements than that wait so long for others. [s]
 GATHER_S: Final = 0.2
+# A pass for fewer elements than this takes no less time.
+FEW: Final = 64
 # Biases drift and aircraft leave their planes slowly; once a second is often enough. [s]
 SLOW_PERIOD_S: Final = 1.0
 
@@ -117,11 +119,12 @@ class FusionEngine:
         self._state.live.every_s = every_s
 
     # -- time ----------------------------------------------------------------------------------
-    def advance(self, *, now_s: float, most: int | None = None) -> list[Event]:
+    def advance(self, *, now_s: float, most: int | None = None, few_wait_s: float = 0.0) -> list[Event]:
         """Let time pass: start and close elements behind the watermark, coast, terminate.
 
         With ``most``, no more elements than this are closed, those that are due longest first; what is left is due at
-        once, see ``next_deadline_s``.
+        once, see ``next_deadline_s``. With ``few_wait_s`` a handful of elements waits so long for others: for whoever
+        must not be kept from live points by closing elements all the time. [s]
         """
         state, events = self._state, list[Event]()
         self._now_s = self._advanced_s = now_s
@@ -132,7 +135,7 @@ class FusionEngine:
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
         until_s = np.minimum(now_s, state.tracks.ends_s())
         left = 2**62 if most is None else most
-        while left > 0 and len(due := self._due(until_s)):
+        while left > 0 and len(due := self._due(until_s, few_wait_s)):
             if len(due) > left:
                 due = np.sort(due[np.argpartition(state.elements.due_s[due], left)[:left]])
             left -= len(due)
@@ -149,14 +152,15 @@ class FusionEngine:
             state.elements.wait_s = state.lateness.follow()
         return events
 
-    def _due(self, until_s: Array) -> Ints:
-        """Slots of the elements to close now; a few of very many wait a moment for others, which makes them cheaper."""
+    def _due(self, until_s: Array, few_wait_s: float) -> Ints:
+        """Slots of the elements to close now; they wait a moment for others, which makes them cheaper."""
         elements = self._state.elements
         due = np.flatnonzero(elements.open & (elements.due_s <= until_s))
-        gathers = len(due) < LANES and np.count_nonzero(elements.open) >= LANES
-        if gathers and self._now_s - elements.due_s[due].min(initial=math.inf) < GATHER_S:
-            return due[:0]
-        return due
+        wait_s = few_wait_s if len(due) < FEW else 0.0
+        if len(due) < LANES and np.count_nonzero(elements.open) >= LANES:
+            wait_s = max(wait_s, GATHER_S)
+        waits = self._now_s - elements.due_s[due].min(initial=math.inf) < wait_s
+        return due[:0] if waits else due
 
     def finish(self, *, now_s: float, most: int | None = None) -> list[Event]:
         """The input has ended: close open elements with what there is.

@@ -21,6 +21,8 @@ BUSY_S: Final = 0.5
 # Below this share of its time it does not rest; at the upper one it rests the longest.
 RESTS_FROM, RESTS_MOST_AT = 0.5, 0.9
 LINGER_S: Final = 0.02
+# Above this share it works on as much as it can at a time.
+BUSY_FROM: Final = 0.75
 # After a turn of fewer bytes, about a hundred reports, it rests less in proportion: little gathers meanwhile.
 GATHERS: Final = 15_000
 # Its speed is that of the last few seconds of work. [s]
@@ -32,7 +34,7 @@ STEPS_S: Final = (0.0, 1.0, 2.0, 4.0)
 STEP_S: Final = 0.7
 # Input may wait this long for elements that are due. Else they get this share of the time that input takes, and as much
 # as it takes when they are late; what one of them has had too much is forgotten beyond a few portions. [s]
-WAITS_S: Final = 0.05
+WAITS_S: Final = 0.02
 SHARE: Final = 0.5
 LATE_S: Final = 2.0
 OWED_S: Final = 0.25
@@ -68,6 +70,11 @@ class Pace:
         self._busy = self._busy * exp(-since_s / BUSY_S) + (1.0 - exp(-min(spent_s, since_s) / BUSY_S))
         fade = exp(-spent_s / SPEED_S)
         self._bytes, self._spent_s = self._bytes * fade + taken, self._spent_s * fade + spent_s
+
+    @property
+    def busy(self) -> bool:
+        """Whether what costs least matters more than what can wait least."""
+        return self._busy > BUSY_FROM
 
     @property
     def linger_s(self) -> float:

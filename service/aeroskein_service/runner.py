@@ -36,9 +36,10 @@ from aeroskein_service.status import Counters, is_fresh, sensor_alarms
 __all__ = ["Runner"]
 
 # Elements of many aircraft close together, which costs a fraction of closing them one by one: once in so long, so many
-# at a time. Between two of these input is taken.
+# at a time, more where the worker is busy. Between two of these input is taken; a handful waits a little longer.
 TICK_S: Final = 0.25
-ELEMENTS: Final = 1024
+ELEMENTS, ELEMENTS_WHEN_BUSY = 256, 1024
+FEW_WAIT_S: Final = 0.9
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
 SNAPSHOT_S: Final = 10.0
@@ -195,15 +196,16 @@ class Runner:
     def _advance(self) -> None:
         """Let time pass while elements may come before input; what is then still due comes after the next input."""
         began_s = monotonic()
+        most = ELEMENTS_WHEN_BUSY if self._pace.busy else ELEMENTS
         more = True
         while more and self._pace.may_close(self._waited_s()):
             start_ns = perf_counter_ns()
-            events = self._engine.advance(now_s=self._clock(), most=ELEMENTS)
+            events = self._engine.advance(now_s=self._clock(), most=most, few_wait_s=FEW_WAIT_S)
             closed = _elements(events)
             self._stages.add("advance", perf_counter_ns() - start_ns, closed)
             self._publish(events)
             self._pace.closed((perf_counter_ns() - start_ns) * 1e-9)
-            more = closed >= ELEMENTS
+            more = closed >= most
         self._advance_from_s = began_s if more else began_s + TICK_S
 
     def _drain(self) -> None:
@@ -222,7 +224,7 @@ class Runner:
         ends_s = monotonic() + FINISH_S
         closed = 1
         while closed and monotonic() < ends_s:
-            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS // 4)
+            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS)
             closed = _elements(events)
             self._publish(events)
         if closed:

@@ -23,7 +23,7 @@ from tests.builders import (
 from aeroskein.engine import FusionEngine
 from aeroskein.errors import SnapshotError, UnknownSensorError
 from aeroskein.plots import Plots
-from aeroskein.points import Flag, FusedPoints, Status
+from aeroskein.points import Flag, FusedPoints, Product, Status
 from aeroskein.reasons import Reason
 from aeroskein.selection import Selection
 from aeroskein.settings import EngineSettings, RegistrationSettings, TrackSettings
@@ -404,3 +404,20 @@ def test_an_empty_call_is_nothing() -> None:
     assert engine.advance(now_s=START_S) == []
     assert engine.finish(now_s=START_S) == []
     assert len(engine.tracks(Selection())) == 0
+
+
+def test_a_handful_of_elements_waits_for_others_where_it_is_asked_to() -> None:
+    patient, prompt = Drive.of(), Drive.of()
+    for drive in (patient, prompt):
+        drive.feed([adsb(Flight(), np.arange(0.5, 30.0))], until_s=8.0)
+    closed = {0.0: list[float](), 0.9: list[float]()}
+    for drive, wait_s in ((prompt, 0.0), (patient, 0.9)):
+        reports = adsb(Flight(), np.arange(8.5, 30.0))
+        for tick in range(33, 121):
+            now_s = START_S + 0.25 * tick
+            drive.engine.receive(reports.take(np.abs(reports.received_s - now_s + 0.125) < 0.125), now_s=now_s)
+            events = drive.engine.advance(now_s=now_s, few_wait_s=wait_s)
+            closed[wait_s] += [now_s for e in events if isinstance(e, FusedPoints) and e.product == Product.ELEMENT]
+
+    assert len(closed[0.9]) == len(closed[0.0]) > 3
+    assert np.allclose(np.subtract(closed[0.9], closed[0.0]), 1.0, atol=0.26)
