@@ -24,7 +24,7 @@ GRID_PERIOD_S: Final = 1.0
 # How much of a report's own uncertainty the coarse gate has room for: that of a primary plot near its radar, whose
 # height nobody knows, is kilometres. [sigmas]
 BLUR_SIGMAS: Final = 3.0
-# Acceleration that a track may begin between its last report and this one. [m²/s⁵]
+# Acceleration that a track may begin between its last report and this one, if it turns. [m²/s⁵]
 JERK_DENSITY: Final = 1.0
 # After this a manoeuvre is over: a track that has not been seen for longer flies straight on, at any of the velocities
 # that it may have come to. [s]
@@ -124,7 +124,7 @@ def _predicted(state: EngineState, slot: Ints, time_s: Array) -> tuple[Array, Ar
     h = time_s - bank.time_s[slot]
     back = np.minimum(h, 0.0)
     step = np.minimum(np.abs(h), MANOEUVRE_S)
-    kalman.predict(x, P, step, np.full(len(h), JERK_DENSITY))
+    kalman.predict(x, P, step, JERK_DENSITY * state.heights.may_turn(slot, step))
     long = np.flatnonzero(np.abs(h) > MANOEUVRE_S)
     if len(long):
         x[:, long], P[:, long] = _straight_on(x[:, long], P[:, long], np.abs(h[long]) - MANOEUVRE_S)

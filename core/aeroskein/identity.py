@@ -17,7 +17,7 @@ import numpy as np
 from aeroskein import geodesy
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.association import Associator, FreePlots, Initiator
-from aeroskein.blind_plots import learn_heights, located_as
+from aeroskein.blind_plots import learn_heights, located_as, sharpen
 from aeroskein.candidates import TrackGrid, candidates
 from aeroskein.engine_state import EngineState
 from aeroskein.intake import Batch, Verdicts
@@ -205,6 +205,7 @@ class Identity:
         pairs = candidates(state, asked, plot, slot, located)
         taken = self._associator.claims.taken(sensor[plot], slot, time_s[plot])
         spared = state.tracks.reported_by_others(slot, sensor[plot], now_s)
+        sharpen(state, asked, slot, located, pairs, spared)
         decision = self._associator.decide(sensor, asked.plots.local_track, time_s, pairs, taken, spared)
         won = decision.pair >= 0
         given = slot[decision.pair[won]]
@@ -215,7 +216,9 @@ class Identity:
         free = np.flatnonzero(~won & ~decision.withheld)
         if len(free):
             self._initiate(batch, rows[free], decision.contested[free], named)
-        learn_heights(state, self._biases, batch.take(rows))
+        sigma = np.full((len(named.slots), 1), INITIATED_SIGMA_MPS)
+        velocity = np.concatenate([named.velocity_mps, sigma], axis=1)
+        learn_heights(state, self._biases, batch.take(rows), named.slots, velocity)
 
     def _initiate(self, batch: Batch, rows: Ints, contested: Bools, named: Named) -> None:
         plots, located = batch.plots, batch.located

@@ -13,6 +13,7 @@ from aeroskein import ageing, conversion, dispositions
 from aeroskein.anteroom import Anteroom
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.believing import LIVE_PERIODS, Believing
+from aeroskein.blind_plots import steer
 from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.events import Event, Rejections
 from aeroskein.identity import INITIATED_SIGMA_MPS, Identity, Named
@@ -82,6 +83,7 @@ class Receiver:
             return [*named.renamed]
         begins = self._begin_states(reports)
         accepted = state.live.receive(reports, begins)
+        steer(state, reports.slot)
         self._clock.lap("live", len(rows))
         fresh = np.unique(reports.slot[begins])
         if not accepted.all():

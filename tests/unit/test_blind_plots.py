@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from tests.builders import ADSB, RADAR1, START_S, Drive, Flight, adsb, engine_settings, radar
 
-from aeroskein.plots import Plots
+from aeroskein.plots import Array, Plots
+from aeroskein.points import FusedPoints
 from aeroskein.reasons import Reason
 
 PRIMARY = replace(RADAR1, kind="psr")
@@ -58,3 +59,49 @@ def test_an_aircraft_that_two_primary_radars_see_is_placed_as_well_as_if_its_hei
     assert np.sqrt(np.mean(off_m**2)) < 150.0
     # Nobody has said how high it is.
     assert np.isnan(late.height_m).all()
+
+
+def overhead(false: tuple[float, float] | None = None) -> Plots:
+    """Plots of an airliner that flies over the only radar, blind above 45 degrees, and one that is nobody's."""
+    flight = Flight(lat_deg=48.05, lon_deg=11.79, track_deg=0.0, speed_mps=240.0, height_m=11_000.0)
+    plots = radar(
+        flight, np.arange(1.0, 280.0, 4.0), PRIMARY, sensor=0, address=-1, mode_a=-1, altitude_m=np.nan,
+        range_sigma_m=50.0, azimuth_sigma_deg=0.07,
+    )  # fmt: skip
+    plots = plots.take(np.flatnonzero(plots.range_m > 10_500.0 * np.sqrt(2.0)))
+    if false is None:
+        return plots
+    odd = plots.take(np.array([0]))
+    odd.time_s[:] = odd.received_s[:] = START_S + 145.0
+    odd.range_m[:], odd.azimuth_deg[:] = false
+    return Plots.concatenate([plots, odd])
+
+
+def off_m(live: FusedPoints) -> Array:
+    flight = Flight(lat_deg=48.05, lon_deg=11.79, track_deg=0.0, speed_mps=240.0, height_m=11_000.0)
+    lat, lon, _ = flight.at(live.time_s - START_S)
+    return np.hypot((live.lat_deg - lat) * 111e3, (live.lon_deg - lon) * 74e3)
+
+
+def test_an_airliner_over_the_only_radar_keeps_its_track_and_its_place() -> None:
+    live = Drive.of(engine_settings(PRIMARY)).feed([overhead()]).live
+
+    late = live.take(np.flatnonzero(live.time_s > START_S + 100.0))
+    assert len(np.unique(live.track_number)) == 1
+    assert np.sqrt(np.mean(off_m(late) ** 2)) < 600.0
+
+
+def test_what_is_off_while_the_height_is_not_known_is_in_the_covariance() -> None:
+    live = Drive.of(engine_settings(PRIMARY)).feed([overhead()]).live
+
+    early = live.take(np.flatnonzero((live.time_s > START_S + 15.0) & (live.time_s < START_S + 100.0)))
+    variance = early.position_cov_m2[:, 0] + early.position_cov_m2[:, 2]
+    assert np.mean(off_m(early) ** 2 / variance) < 2.0
+
+
+def test_a_plot_from_the_cone_of_silence_is_not_that_of_a_track_that_went_silent_in_it() -> None:
+    live = Drive.of(engine_settings(PRIMARY)).feed([overhead(false=(11_900.0, 350.0))]).live
+
+    after = live.take(np.flatnonzero(live.time_s > START_S + 146.0))
+    assert len(np.unique(live.track_number)) == 1
+    assert off_m(after).max() < 1000.0

@@ -168,9 +168,9 @@ def _score_mahalanobis(pairs: Candidates) -> Score:
     vague = ~present & _any_by(pairs.plot, present)
     spread = np.log(determinant) + 2.0 * np.where(present, np.log(np.where(present, sigma, 1.0)), 0.0).sum(axis=1)
     spread += np.where(vague, 1.0 + 2.0 * np.log(VAGUE_SIGMA[:3]), 0.0).sum(axis=1)
-    # Only differences between the tracks of a plot matter; the best known of them sets the zero.
-    spread -= _least_by(pairs.plot, spread)
     inside = distance2 <= GATE_BY_DOF[dof]
+    # Only differences between the tracks that the plot may be of matter; the best known of them sets the zero.
+    spread -= np.minimum(_least_by(pairs.plot, np.where(inside, spread, np.inf)), spread)
     limit = GATE_BY_DOF[_most_by(pairs.plot, dof)]
     cost = distance2 + spread + pairs.mode_a_cost
     return Score(cost, inside, limit, cost, limit)

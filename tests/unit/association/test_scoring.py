@@ -65,6 +65,15 @@ def test_a_track_that_lacks_a_factor_is_not_favoured_over_one_that_fits() -> Non
     assert cost[0] < cost[1]
 
 
+def test_a_track_out_of_its_gate_does_not_keep_a_plot_from_a_vague_one() -> None:
+    step, cov = np.array([[500.0, 0.0], [1000.0, 0.0]]), np.array([[50.0**2, 0.0, 50.0**2], [4e3**2, 0.0, 4e3**2]])
+
+    score = mahalanobis().score(Candidates.of(np.array([0, 0]), np.arange(2), step, cov))
+
+    assert score.inside.tolist() == [False, True]
+    assert score.cost[1] < score.limit[1]
+
+
 def test_a_course_of_359_degrees_is_near_one_of_1_degree() -> None:
     course = {"course_step_deg": np.array([358.0]), "course_sigma_deg": np.array([2.0])}
 
