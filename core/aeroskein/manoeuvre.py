@@ -69,19 +69,19 @@ DETECTOR: Final = ModelSet(
 )
 # Turn at constant speed: the bank that makes 3 degrees a second at 130 m/s comes and goes within five seconds, that is
 # 1.4 m/s³, and stays in between. Change of speed: thrust takes seconds to come, 0.2 m/s³, and acts along the flight. A
-# turn begins every five minutes, a change of speed every quarter of an hour; they last minutes and end by rolling out,
+# turn begins every four minutes, a change of speed every quarter of an hour; they last minutes and end by rolling out,
 # which their own noise allows, rather than at once. Who hovers is held in place, to some cm/s.
 #
 # Nothing is taken from a turn that hardly anything speaks for: what was merged cannot be told apart again. A thousandth
 # of a turn that nobody flies, given back to steady flight every few seconds, would be more noise than all gusts, where
 # only radars see it; a tree of hypotheses would have dropped it.
 LIVE: Final = ModelSet(
-    rates=np.array([[0.0, 0.003, 0.001], [0.005, 0.0, 0.001], [0.0125, 0.025, 0.0]]),
+    rates=np.array([[0.0, 0.004, 0.001], [0.005, 0.0, 0.001], [0.0125, 0.025, 0.0]]),
     jerk=np.array([0.0, 1.0**2, 0.2**2]),
     steady=0.08**2,
     held=0.01**2,
     wander=0.15**2,
-    negligible=0.02,
+    negligible=0.005,
     turns=True,
 )
 # Slower, an aircraft hovers or stands, and has no direction worth the name. [m/s]

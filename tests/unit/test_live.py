@@ -96,8 +96,8 @@ def test_a_straight_flight_that_only_radars_see_is_known_nearly_as_well_as_if_no
         P -= np.outer(P[:, 0], P[:, 0]) / (P[0, 0] + r)
     steady = live.bank.take(np.zeros(1, dtype=np.int64)).P[:, 0, 0]
     mixture = live.state_at(np.zeros(1, dtype=np.int64), time_s[-1:])[1][:, 0]
-    assert steady[[0, 12]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.05)
-    assert steady[[7, 17]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.05)
+    assert steady[[0, 12]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.1)
+    assert steady[[7, 17]] == pytest.approx([P[0, 0], P[1, 1]], rel=0.1)
     assert max(mixture[0], mixture[7]) < 1.5 * P[0, 0]
 
 

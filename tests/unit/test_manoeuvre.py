@@ -14,7 +14,7 @@ GATE = 36.0
 ALL = np.ones(N, dtype=bool)
 seeds = st.integers(0, 2**31)
 # What leaves steady flight in four seconds, live: to a turn and to a change of speed.
-T_OUT = 0.012 / 1.024 + 0.004 / 1.008
+T_OUT = 0.016 / 1.032 + 0.004 / 1.008
 
 
 def steady(P: np.ndarray) -> np.ndarray:
