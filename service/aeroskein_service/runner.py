@@ -194,11 +194,11 @@ class Runner:
         self._take_from_s = ended_s + self._pace.linger_s
 
     def _advance(self) -> None:
-        """Let time pass while elements may come before input; what is then still due comes after the next input."""
+        """Let time pass while elements may come before input, for a tick at most; what is then still due comes next."""
         began_s = monotonic()
         most = ELEMENTS_WHEN_BUSY if self._pace.busy else ELEMENTS
         more = True
-        while more and self._pace.may_close(self._waited_s()):
+        while more and monotonic() - began_s < TICK_S and self._pace.may_close(self._waited_s()):
             start_ns = perf_counter_ns()
             events = self._engine.advance(now_s=self._clock(), most=most, few_wait_s=FEW_WAIT_S)
             closed = _elements(events)
