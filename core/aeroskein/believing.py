@@ -8,8 +8,7 @@ radars see it, and out of registration.
 from __future__ import annotations
 
 import math
-from dataclasses import fields
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from aeroskein.engine_state import EngineState
 from aeroskein.intake import Batch
 from aeroskein.integrity import Belief, Integrity, Looks, OwnPositions
 from aeroskein.measurements import Measurements
-from aeroskein.plots import Bools, Ints, columns_of
+from aeroskein.plots import Bools, Ints, columns_of, joined
 from aeroskein.points import Flag
 
 __all__ = ["Believing"]
@@ -30,8 +29,6 @@ LIVE_PERIODS: Final = 2.5
 # Small batches are shown to integrity together, for it judges once a second only: after so long, or so many reports.
 GATHER_S: Final = 0.2
 GATHER: Final = 1000
-
-_Columns = TypeVar("_Columns", OwnPositions, Looks)
 
 
 class Believing:
@@ -101,9 +98,9 @@ class Believing:
     def _show(self) -> None:
         """Show integrity what has been gathered."""
         if self._own:
-            self._integrity.own(_together(self._own))
+            self._integrity.own(joined(self._own))
         if self._looks:
-            self._integrity.looks(_together(self._looks))
+            self._integrity.looks(joined(self._looks))
         self._own, self._looks, self._gathered = [], [], 0
 
     def check(self, now_s: float) -> None:
@@ -155,11 +152,3 @@ class Believing:
         if self._slots < self._state.tracks.capacity:
             self._slots = self._state.tracks.capacity
             self._integrity.grow(self._slots)
-
-
-def _together(parts: list[_Columns]) -> _Columns:
-    """Columns of several batches one after the other."""
-    if len(parts) == 1:
-        return parts[0]
-    names = [field.name for field in fields(parts[0])]
-    return type(parts[0])(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})

@@ -14,11 +14,12 @@ from aeroskein import conversion, geodesy, kalman
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.association import Candidates
 from aeroskein.conversion import Located
-from aeroskein.ellipsoid import from_ecef
+from aeroskein.ellipsoid import EARTH_M, from_ecef
 from aeroskein.engine_state import EngineState
-from aeroskein.height_finding import EARTH_M, HEIGHT_SIGMA_M
+from aeroskein.height_finding import HEIGHT_SIGMA_M
 from aeroskein.intake import Batch
 from aeroskein.plots import Array, Bools, Ints, Plots, columns_of
+from aeroskein.radar_geometry import turned_covariance
 from aeroskein.silence import CONE_DEG
 
 __all__ = ["learn_heights", "located_as", "sharpen", "steer"]
@@ -76,9 +77,9 @@ def sharpen(
     """
     own = np.flatnonzero(state.heights.follows(slot))
     own = own[_blind(state, batch)[pairs.plot[own]] & ~seen_by_others[own]]
-    slot, plots = slot[own], batch.plots.take(pairs.plot[own])
     if not len(own):
         return
+    slot, plots = slot[own], batch.plots.take(pairs.plot[own])
     time_s, squared_sigma_m, first, frame, x = state.heights.leaning(slot)
     use = (time_s == state.live.bank.time_s[slot]) & (first == plots.sensor)
     if not use.any():
@@ -95,7 +96,8 @@ def sharpen(
     lat, lon, site_m = from_ecef(state.sensors.sites[plots.sensor, 0:3])
     site = columns_of(*geodesy.to_plane(new, lat, lon))
     line = columns_of(east, north) - site
-    noise, slope = _seen_from(state, plots, line, place.height_m - site_m)
+    rise_m = place.height_m - site_m
+    noise, slope = _seen_from(state, plots, line, rise_m)
     by_plot = -(slope * squared_sigma_m[use] / np.maximum(np.hypot(line[:, 0], line[:, 1]), 1.0))[:, None] * line
     cross = by_plot[:, :, None] * track[:, None, :]
     axes = geodesy.local_axes(new, place.lat_deg, place.lon_deg, place.height_m)
@@ -104,7 +106,6 @@ def sharpen(
     both -= columns_of(2.0 * cross[:, 0, 0], cross[:, 0, 1] + cross[:, 1, 0], 2.0 * cross[:, 1, 1])
     pairs.step_cov_m2[own] += both - before
     last = columns_of(*state.live.bank.steady(slot)[:2]) - site
-    rise_m = place.height_m - site_m
     steepest_deg = np.maximum(_elevation_deg(last, rise_m), CONE_DEG) + CONE_SLACK_DEG
     silent = after_s > SILENT_PERIODS * state.sensors.period_s[plots.sensor]
     pairs.step_m[own[silent & (_elevation_deg(line, rise_m) > steepest_deg)]] = NOWHERE_M
@@ -131,8 +132,7 @@ def _seen_from(state: EngineState, plots: Plots, line: Array, rise_m: Array) -> 
     radial = (range_sigma_m / cos_el) ** 2 + (slope * HEIGHT_SIGMA_M) ** 2
     across = (np.radians(state.sensors.azimuth_sigma_deg[sensor]) * plots.range_m * cos_el) ** 2
     e, n = line.T / np.maximum(np.hypot(line[:, 0], line[:, 1]), 1.0)
-    noise = columns_of(radial * e * e + across * n * n, (radial - across) * e * n, radial * n * n + across * e * e)
-    return noise, slope
+    return columns_of(*turned_covariance(radial, across, e, n)), slope
 
 
 def learn_heights(state: EngineState, biases: AppliedBiases, batch: Batch, made: Ints, velocity: Array) -> None:

@@ -14,6 +14,7 @@ from aeroskein.plots import Array, columns_of
 from aeroskein.units import wrap_angle_deg
 
 __all__ = [
+    "EARTH_M",
     "ECCENTRICITY_SQUARED",
     "SECOND_ECCENTRICITY_SQUARED",
     "SEMI_MAJOR_M",
@@ -31,6 +32,8 @@ FLATTENING: Final = 1.0 / 298.257223563
 SEMI_MINOR_M: Final = SEMI_MAJOR_M * (1.0 - FLATTENING)
 ECCENTRICITY_SQUARED: Final = FLATTENING * (2.0 - FLATTENING)
 SECOND_ECCENTRICITY_SQUARED: Final = ECCENTRICITY_SQUARED / (1.0 - ECCENTRICITY_SQUARED)
+# Mean radius, where a sphere is near enough: elevations, and what a slant range means at one height and another. [m]
+EARTH_M: Final = 6_371_000.0
 
 
 def to_ecef(lat_deg: Array, lon_deg: Array, height_m: Array | float = 0.0) -> Array:

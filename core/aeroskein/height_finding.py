@@ -15,9 +15,9 @@ from typing import Final
 import numpy as np
 
 from aeroskein import geodesy, height_bank
-from aeroskein.ellipsoid import from_ecef, normal_and_height
+from aeroskein.ellipsoid import EARTH_M, from_ecef, normal_and_height
 from aeroskein.plots import Array, Bools, Ints, columns_of
-from aeroskein.radar_geometry import radar_to_geodetic
+from aeroskein.radar_geometry import radar_to_geodetic, turned_covariance
 
 __all__ = ["HeightFinder"]
 
@@ -42,8 +42,6 @@ MEMORY_S: Final = 90.0
 EVIDENCE_MAX: Final = 8.0
 # A gap after which the flight is not known any more. [s]
 FORGET_S: Final = 120.0
-# Mean radius of the earth, for the shape of what a slant range means at one height and another. [m]
-EARTH_M: Final = 6_371_000.0
 
 _COLUMNS: Final = ("_x", "_P", "_kind", "_evidence", "_time_s", "_frame", "_sensor")
 
@@ -287,7 +285,6 @@ def _at_all_heights(
     cos_el = np.clip(ground_m / slant_m, np.minimum(np.sqrt(2.0 * blur_m / slant_m), 1.0), 1.0)
     radial = (sigmas[:, :1] ** 2 + (1.0 - cos_el**2) * HEIGHT_SIGMA_M**2) / cos_el**2
     across = (np.radians(sigmas[:, 1:]) * np.maximum(ground_m, slant_m * cos_el)) ** 2
-    e, n = line[:, 0, None], line[:, 1, None]
     z = place[:, :, None] + nearer_m[:, None] * line[:, :, None]
-    R = np.stack([radial * e * e + across * n * n, (radial - across) * e * n, radial * n * n + across * e * e], axis=1)
+    R = np.stack(turned_covariance(radial, across, line[:, 0, None], line[:, 1, None]), axis=1)
     return z, R, level_m > 0.0

@@ -8,13 +8,13 @@ A missing number is NaN, a missing integer -1, a missing string empty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import Any, Final, Self
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ON_GROUND", "SIMULATED", "SPI", "Array", "Bools", "Ints", "Plots", "columns_of"]
+__all__ = ["ON_GROUND", "SIMULATED", "SPI", "Array", "Bools", "Ints", "Plots", "columns_of", "joined"]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,6 +32,19 @@ def columns_of(*columns: Array) -> Array:
     for k, column in enumerate(columns):
         out[..., k] = column
     return out
+
+
+_Columns = TypeVar("_Columns")
+
+
+def joined(parts: Sequence[_Columns]) -> _Columns:
+    """Rows of several dataclasses of columns, in order, as one; at least one part is needed."""
+    if len(parts) == 1:
+        return parts[0]
+    first: Any = parts[0]
+    columns = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(first)}
+    whole: _Columns = replace(first, **columns)
+    return whole
 
 
 _DTYPES: Final[dict[str, tuple[Any, Any]]] = {
@@ -146,9 +159,7 @@ class Plots:
         """One set of rows from several, in order; no parts give no rows."""
         if not parts:
             return cls.of(0)
-        if len(parts) == 1:
-            return parts[0]
-        return cls(*[np.concatenate([getattr(p, name) for p in parts]) for name in _NAMES])
+        return joined(parts)
 
 
 _NAMES: Final = tuple(field.name for field in fields(Plots))

@@ -18,7 +18,9 @@ from aeroskein.ellipsoid import ECCENTRICITY_SQUARED, SEMI_MAJOR_M, ecef_axes, f
 from aeroskein.plots import Array, Bools
 from aeroskein.units import wrap_azimuth_deg
 
-__all__ = ["RadarFix", "geodetic_to_radar", "radar_covariance", "radar_jacobian", "radar_to_geodetic"]
+__all__ = [
+    "RadarFix", "geodetic_to_radar", "radar_covariance", "radar_jacobian", "radar_to_geodetic", "turned_covariance",
+]  # fmt: skip
 
 # Newton steps on the height. The sphere of the first guess leaves up to 3 m at 400 km; the slope of that sphere is so
 # nearly right that one step leaves 0.05 mm, and the second only rounding.
@@ -216,6 +218,15 @@ def radar_covariance(
     scaled = jacobian * np.stack(np.broadcast_arrays(*sigmas, range_m)[:3], axis=-1)[:, None, :]
     east, north = scaled[:, 0], scaled[:, 1]
     return np.stack([(east * east).sum(-1), (east * north).sum(-1), (north * north).sum(-1)], axis=-1)
+
+
+def turned_covariance(radial: Array, across: Array, east: Array, north: Array) -> tuple[Array, Array, Array]:
+    """Covariance ee, en, nn from variances along and across a line whose unit vector is ``east``, ``north``. [m²]"""
+    return (
+        radial * east * east + across * north * north,
+        (radial - across) * east * north,
+        radial * north * north + across * east * east,
+    )
 
 
 def _horizontal(sites: Array, azimuth_deg: Array) -> tuple[Array, Array]:

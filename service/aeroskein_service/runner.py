@@ -98,6 +98,8 @@ class Runner:
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self._dropped = list(inbox.dropped)
+        # When the engine had something to do next, after the last turn.
+        self._deadline_s = inf
         self.status: dict[str, Any] | None = None
         self.turned_s = start_s
         self.failure: BaseException | None = None
@@ -178,13 +180,13 @@ class Runner:
             self._publish(events)
         if arrivals:
             self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
-        deadline_s = self._engine.next_deadline_s()
-        self._pace.took_in(monotonic() - began_s, 0.0 if deadline_s is None else now_s - deadline_s)
+        self._pace.took_in(monotonic() - began_s, now_s - self._deadline_s)
         if monotonic() >= self._next_advance_s:
             self._advance()
         # The engine's deadline moves with its input, so only its absence counts: without tracks nothing is due.
-        idle = self._engine.next_deadline_s() is None
-        self._next_advance_s = inf if idle else self._advance_from_s
+        deadline_s = self._engine.next_deadline_s()
+        self._deadline_s = inf if deadline_s is None else deadline_s
+        self._next_advance_s = inf if deadline_s is None else self._advance_from_s
         for question in self._inbox.questions():
             self._desk.answer(question, now_s=now_s)
         if monotonic() >= self._next_status_s:

@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, joined
 from aeroskein.points import FusedPoints, Product, Status
 
 __all__ = ["PointColumns", "Truth"]
@@ -138,7 +138,7 @@ class PointColumns:
         """One set of rows from several, in order; no parts give no rows."""
         if not parts:
             return cls.of(0)
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return joined(parts)
 
     def is_product(self, product: Product) -> Bools:
         """Which rows belong to the product, shape ``(n,)``."""

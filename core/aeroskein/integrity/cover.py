@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from aeroskein.ellipsoid import EARTH_M
 from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["CoverMap", "polar_of"]
@@ -47,7 +48,7 @@ DETECTION_MAX: Final = 0.97
 # Looks are forgotten over this time: trees grow and filters are changed. [s]
 MEMORY_S: Final = 4.0 * 3600.0
 # Line of sight: an earth of 4/3 of its radius stands for refraction. [m]
-EFFECTIVE_RADIUS_M: Final = 4.0 / 3.0 * 6_371_000.0
+EFFECTIVE_RADIUS_M: Final = 4.0 / 3.0 * EARTH_M
 # Proofs are summed up anew after this time, and sooner where so much more has been seen since. [s], [share]
 REFRESH_S: Final = 5.0
 REFRESH_GROWTH: Final = 0.1
@@ -106,7 +107,7 @@ class CoverMap:
         covered = self._proofs.reshape(-1)[cells] >= PROOFS
         if self._range_max_m is not None:
             # The geometric elevation of the horizon is that of the refracted ray.
-            dip_deg = np.degrees(range_m / 2.0 * (1.0 / 6_371_000.0 - 1.0 / EFFECTIVE_RADIUS_M))
+            dip_deg = np.degrees(range_m / 2.0 * (1.0 / EARTH_M - 1.0 / EFFECTIVE_RADIUS_M))
             covered |= (range_m < self._range_max_m) & (elevation_deg + dip_deg > HORIZON_MARGIN_DEG)
         covered &= (range_m > RANGE_MIN_M) & (elevation_deg < ELEVATION_MAX_DEG)
         hits, misses = self._hits.reshape(-1)[cells], self._misses.reshape(-1)[cells]

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from aeroskein.ellipsoid import EARTH_M
 from aeroskein.geodesy import frame_rows, from_ecef, to_ecef
 from aeroskein.integrity.agreement import Agreement
 from aeroskein.integrity.cover import CoverMap, polar_of
@@ -161,9 +162,7 @@ class Integrity:
 
     def lost(self, sensor: int) -> None:
         """Plots of this sensor were lost on their way here: what it has not shown until now was not missed."""
-        self._due_s[sensor] = np.nan
-        self._before[sensor] = np.nan
-        self._on_s[sensor] = self._newest_s[sensor]
+        self._count_from(sensor, float(self._newest_s[sensor]))
 
     # -- what is believed ----------------------------------------------------------------------------------------
     def belief(self, slot: Ints) -> Ints:
@@ -199,9 +198,7 @@ class Integrity:
         for k in np.unique(plots.sensor):
             rows = np.flatnonzero(plots.sensor == k)
             if plots.time_s[rows].min() > self._newest_s[k] + OFF_PERIODS * self._period_s[k]:
-                self._due_s[k] = np.nan
-                self._before[k] = np.nan
-                self._on_s[k] = plots.time_s[rows].min()
+                self._count_from(int(k), float(plots.time_s[rows].min()))
             self._newest_s[k] = max(self._newest_s[k], float(plots.time_s[rows].max()))
             if k in self._covers:
                 self._learn_cover(int(k), plots, rows)
@@ -297,12 +294,18 @@ class Integrity:
         self._region = int(several.sum()) if int(several.sum()) >= DOUBT_TRACKS else 0
         return strong
 
+    def _count_from(self, k: int, since_s: float) -> None:
+        """Nothing that a sensor did not show before this was missed. [s since the epoch]"""
+        self._due_s[k] = np.nan
+        self._before[k] = np.nan
+        self._on_s[k] = since_s
+
     def _learn_cover(self, k: int, plots: Looks, rows: Ints) -> None:
         site = self._sites[k]
         range_m = plots.range_m[rows]
         up_m = plots.height_m[rows] - _height_of(site)
         # Geometric elevation at the antenna: the earth falls away by r² / 2R.
-        sine = up_m / np.maximum(range_m, 1.0) - range_m / (2.0 * 6_371_000.0)
+        sine = up_m / np.maximum(range_m, 1.0) - range_m / (2.0 * EARTH_M)
         elevation = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
         azimuth = plots.azimuth_deg[rows]
         self._covers[k].seen(range_m, azimuth, elevation, float(plots.time_s[rows].max()))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.ellipsoid import ecef_axes, to_ecef
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, joined
 from aeroskein.units import wrap_angle_deg
 
 __all__ = ["RAD_PER_DEG", "Comparisons", "Geometry", "geometry_of"]
@@ -101,9 +101,7 @@ class Comparisons:
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return joined(parts)
 
 
 @dataclass(slots=True, eq=False)

@@ -20,7 +20,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Ints, joined
 from aeroskein.registration.comparisons import RAD_PER_DEG, Comparisons, Geometry
 from aeroskein.settings import EngineSettings
 
@@ -117,9 +117,7 @@ class Rows:
     @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return joined(parts)
 
 
 def usable(rows: Comparisons, geometry: Geometry) -> NDArray[np.bool_]:

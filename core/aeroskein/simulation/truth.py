@@ -10,7 +10,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Ints, joined
 
 __all__ = ["Identity", "Motion", "Phase", "States", "TruthStates"]
 
@@ -157,9 +157,7 @@ class TruthStates:
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
-        if len(parts) == 1:
-            return parts[0]
-        return cls(**{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)})
+        return joined(parts)
 
     def by_track(self) -> Self:
         """The same rows ordered by address, then time: the order of a truth file."""
