@@ -99,15 +99,24 @@ class HeightOffsets:
     def _cell_of(self, lat_deg: Array, lon_deg: Array) -> Ints:
         """Index of each position's cell ``(n,)``; a new cell begins with the mean of all that have learned."""
         keys = geodesy.origin_keys(lat_deg, lon_deg)
-        new = np.setdiff1d(keys, self._cells)
-        if len(new):
-            at = np.searchsorted(self._cells, new)
-            start = self._everywhere_m[0]
-            self._cells = np.insert(self._cells, at, new)
-            self._mean_m = np.insert(self._mean_m, at, np.nan_to_num(start))
-            self._weight = np.insert(self._weight, at, float(np.isfinite(start)))
-            self._applied_m = np.insert(self._applied_m, at, np.nan, axis=1)
+        cell, there = self._find(keys)
+        if there.all():
+            return cell
+        new = np.unique(keys[~there])
+        at = np.searchsorted(self._cells, new)
+        start = self._everywhere_m[0]
+        self._cells = np.insert(self._cells, at, new)
+        self._mean_m = np.insert(self._mean_m, at, np.nan_to_num(start))
+        self._weight = np.insert(self._weight, at, float(np.isfinite(start)))
+        self._applied_m = np.insert(self._applied_m, at, np.nan, axis=1)
         return np.searchsorted(self._cells, keys)
+
+    def _find(self, keys: Ints) -> tuple[Ints, Bools]:
+        """Index of the cell of each key ``(n,)``, and whether there is one."""
+        if not len(self._cells):
+            return np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=np.bool_)
+        at = np.minimum(np.searchsorted(self._cells, keys), len(self._cells) - 1)
+        return at, self._cells[at] == keys
 
     def begin_block(self) -> None:
         """What is known now is applied from now on."""
@@ -135,8 +144,7 @@ class HeightOffsets:
     def _of_place(self, lat_deg: Array, lon_deg: Array, block: Ints) -> tuple[Array, Array]:
         of_place = self._everywhere_m[block]
         if len(self._cells):
-            keys = geodesy.origin_keys(lat_deg, lon_deg)
-            at = np.minimum(np.searchsorted(self._cells, keys), len(self._cells) - 1)
-            here = np.where(self._cells[at] == keys, self._applied_m[block, at], np.nan)
+            at, there = self._find(geodesy.origin_keys(lat_deg, lon_deg))
+            here = np.where(there, self._applied_m[block, at], np.nan)
             of_place = np.where(np.isnan(here), of_place, here)
         return np.nan_to_num(of_place), np.where(np.isnan(of_place), UNKNOWN_SIGMA_M, CELL_SIGMA_M)

@@ -102,10 +102,15 @@ def snap_origin(lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:
 
 def origin_keys(lat_deg: Array, lon_deg: Array) -> Ints:
     """One number per origin of the grid, for each position ``(n,)``; -1 where a position is not known. [deg]"""
-    known = np.isfinite(lat_deg) & np.isfinite(lon_deg)
-    lat, lon = snap_origin(np.where(known, lat_deg, 0.0), np.where(known, lon_deg, 0.0))
-    rows = np.round((lat + 90.0) / ORIGIN_GRID_DEG).astype(np.int64)
-    return np.where(known, rows * 10_000 + np.round((lon + 180.0) / ORIGIN_GRID_DEG).astype(np.int64), -1)
+    known = np.isfinite(lat_deg + lon_deg)
+    if not known.all():
+        keys = np.full(known.shape, -1, dtype=np.int64)
+        keys[known] = origin_keys(lat_deg[known], lon_deg[known])
+        return keys
+    lat, lon = snap_origin(lat_deg, lon_deg)
+    # The grid's whole numbers are exact in floating point.
+    rows, columns = np.round((lat + 90.0) / ORIGIN_GRID_DEG), np.round((lon + 180.0) / ORIGIN_GRID_DEG)
+    return (rows * 10_000.0 + columns).astype(np.int64)
 
 
 def to_plane(frames: Array, lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:

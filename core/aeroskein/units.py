@@ -29,13 +29,21 @@ FOOT_PER_MINUTE_MPS: Final = FOOT_M / 60.0
 
 def wrap_azimuth_deg(angle_deg: Array) -> Array:
     """Bring an angle into 0 <= angle < 360. [deg]"""
-    wrapped = np.mod(angle_deg, 360.0)
-    # A tiny negative angle plus 360 rounds to 360 itself, which is outside.
-    return np.where(wrapped >= 360.0, 0.0, wrapped)
+    wrapped = np.array(angle_deg, dtype=np.float64)
+    # Few are outside, and the remainder of a division costs more than finding them.
+    outside = (wrapped < 0.0) | (wrapped >= 360.0)
+    if outside.any():
+        rest = np.mod(wrapped[outside], 360.0)
+        # A tiny negative angle plus 360 rounds to 360 itself, which is outside.
+        wrapped[outside] = np.where(rest >= 360.0, 0.0, rest)
+    return wrapped
 
 
 def wrap_angle_deg(angle_deg: Array) -> Array:
     """Bring a longitude or a difference of angles into -180 <= angle < 180. [deg]"""
-    inside = (angle_deg >= -180.0) & (angle_deg < 180.0)
+    wrapped = np.array(angle_deg, dtype=np.float64)
     # What is in range stays bit for bit; adding and taking away 180 would round it.
-    return np.where(inside, angle_deg, wrap_azimuth_deg(np.asarray(angle_deg) + 180.0) - 180.0)
+    outside = (wrapped < -180.0) | (wrapped >= 180.0)
+    if outside.any():
+        wrapped[outside] = wrap_azimuth_deg(wrapped[outside] + 180.0) - 180.0
+    return wrapped
