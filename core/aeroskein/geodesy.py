@@ -20,9 +20,11 @@ from aeroskein.ellipsoid import (
     ECCENTRICITY_SQUARED,
     SECOND_ECCENTRICITY_SQUARED,
     SEMI_MAJOR_M,
+    Angles,
     ecef_axes,
     from_ecef,
     height_scale,
+    height_scale_at,
     to_ecef,
 )
 from aeroskein.plots import Array, Ints, columns_of
@@ -43,6 +45,7 @@ __all__ = [
     "snap_origin",
     "to_ecef",
     "to_plane",
+    "to_plane_with_axes",
 ]
 
 # Origins lie on a grid, so that neighbouring aircraft share one and can be compared without conversion;
@@ -93,11 +96,11 @@ def snap_origin(lat_deg: Array, lon_deg: Array) -> tuple[Array, Array]:
     lat_deg, lon_deg : (n,) arrays
         Origin, -180 <= longitude < 180. [deg]
     """
-    origin_lat = np.clip(np.round(lat_deg / ORIGIN_GRID_DEG) * ORIGIN_GRID_DEG, -90.0, 90.0)
+    origin_lat = np.minimum(np.maximum(np.rint(lat_deg / ORIGIN_GRID_DEG) * ORIGIN_GRID_DEG, -90.0), 90.0)
     # The tolerance takes up the rounding of acos, so that 60 degrees belongs to the wider step everywhere.
     step = np.searchsorted(_LON_STEP_FROM_LAT_DEG, np.abs(origin_lat) + 1e-9, side="right") - 1
-    step_deg = _LON_STEPS_DEG[np.clip(step, 0, len(_LON_STEPS_DEG) - 1)]
-    return origin_lat, wrap_angle_deg(np.round(wrap_angle_deg(lon_deg) / step_deg) * step_deg)
+    step_deg = _LON_STEPS_DEG[np.minimum(step, len(_LON_STEPS_DEG) - 1)]
+    return origin_lat, wrap_angle_deg(np.rint(wrap_angle_deg(lon_deg) / step_deg) * step_deg)
 
 
 def origin_keys(lat_deg: Array, lon_deg: Array) -> Ints:
@@ -109,7 +112,7 @@ def origin_keys(lat_deg: Array, lon_deg: Array) -> Ints:
         return keys
     lat, lon = snap_origin(lat_deg, lon_deg)
     # The grid's whole numbers are exact in floating point.
-    rows, columns = np.round((lat + 90.0) / ORIGIN_GRID_DEG), np.round((lon + 180.0) / ORIGIN_GRID_DEG)
+    rows, columns = np.rint((lat + 90.0) / ORIGIN_GRID_DEG), np.rint((lon + 180.0) / ORIGIN_GRID_DEG)
     return (rows * 10_000.0 + columns).astype(np.int64)
 
 
@@ -128,7 +131,7 @@ def to_plane(frames: Array, lat_deg: Array, lon_deg: Array) -> tuple[Array, Arra
     e_m, n_m : (n,) arrays
         East and north of the origin. Points more than a quarter of the globe away fold back. [m]
     """
-    return _plane_of(frames, to_ecef(lat_deg, lon_deg))
+    return _plane_of(frames, *Angles.of(lat_deg, lon_deg).ecef())
 
 
 def from_plane(frames: Array, e_m: Array, n_m: Array) -> tuple[Array, Array]:
@@ -146,7 +149,7 @@ def from_plane(frames: Array, e_m: Array, n_m: Array) -> tuple[Array, Array]:
     lat_deg, lon_deg : (n,) arrays
         WGS-84 position, -180 <= longitude < 180; NaN where the plane lies beside the earth (6,300 km off). [deg]
     """
-    x, y, z = np.moveaxis(_foot_point(frames, e_m, n_m), -1, 0)
+    x, y, z = _foot_point(frames, e_m, n_m)
     lat = np.arctan2(z, (1.0 - ECCENTRICITY_SQUARED) * np.hypot(x, y))
     return np.degrees(lat), wrap_angle_deg(np.degrees(np.arctan2(y, x)))
 
@@ -172,10 +175,21 @@ def local_axes(frames: Array, lat_deg: Array, lon_deg: Array, height_m: Array | 
     (n, 2, 2) array
         d(plane east, north) / d(local east, north).
     """
-    east, north, _ = ecef_axes(lat_deg, lon_deg)
-    axes = _products(frames, columns_of(east, north))
+    return _axes_at(frames, Angles.of(lat_deg, lon_deg), height_m)
+
+
+def to_plane_with_axes(frames: Array, lat_deg: Array, lon_deg: Array, height_m: Array) -> tuple[Array, Array, Array]:
+    """What ``to_plane`` and ``local_axes`` give, with the sines and cosines taken once."""
+    angles = Angles.of(lat_deg, lon_deg)
+    return *_plane_of(frames, *angles.ecef()), _axes_at(frames, angles, height_m)
+
+
+def _axes_at(frames: Array, angles: Angles, height_m: Array | None) -> Array:
+    axes = _products(frames, angles.level_axes())
     if height_m is not None:
-        axes /= height_scale(lat_deg, height_m)[:, None, :]
+        eastwards, northwards = height_scale_at(angles.sin_lat, height_m)
+        axes[..., 0] /= eastwards[:, None]
+        axes[..., 1] /= northwards[:, None]
     return axes
 
 
@@ -202,13 +216,12 @@ def move_frame(old: Array, new: Array, e_m: Array, n_m: Array) -> tuple[Array, A
     foot_m = _foot_point(old, e_m, n_m)
     # The foot point stays on the ellipsoid: its step must be at right angles to the gradient there, so a step along
     # the old plane is completed by a step along the old normal.
-    gradient = foot_m * np.array([1.0, 1.0, 1.0 + SECOND_ECCENTRICITY_SQUARED])
+    gradient = foot_m.T * np.array([1.0, 1.0, 1.0 + SECOND_ECCENTRICITY_SQUARED])
     slope = np.einsum("...kc,...c->...k", old[..., 3:].reshape(*old.shape[:-1], 3, 3), gradient)
     steps = np.stack(
-        [old[..., 3 + k : 6 + k] - old[..., 9:12] * (slope[..., k // 3] / slope[..., 2])[..., None] for k in (0, 3)],
-        axis=-1,
+        [(old[:, 3 + k : 6 + k] - old[:, 9:12] * (slope[:, k // 3] / slope[:, 2])[:, None]).T for k in (0, 3)], axis=1
     )
-    new_e_m, new_n_m = _plane_of(new, foot_m)
+    new_e_m, new_n_m = _plane_of(new, *foot_m)
     return new_e_m, new_n_m, _products(new, steps)
 
 
@@ -248,36 +261,34 @@ def invert_axes(axes: Array) -> Array:
     return np.asarray(inverse.reshape(axes.shape))
 
 
-def _plane_of(frames: Array, ecef_m: Array) -> tuple[Array, Array]:
-    step = ecef_m - frames[..., 0:3]
+def _plane_of(frames: Array, x_m: Array, y_m: Array, z_m: Array) -> tuple[Array, Array]:
+    of_frame = frames.T
+    x, y, z = x_m - of_frame[0], y_m - of_frame[1], z_m - of_frame[2]
     # East has no component along the earth's axis.
-    e_m = step[..., 0] * frames[..., 3] + step[..., 1] * frames[..., 4]
-    n_m = step[..., 0] * frames[..., 6] + step[..., 1] * frames[..., 7] + step[..., 2] * frames[..., 8]
-    return e_m, n_m
+    return x * of_frame[3] + y * of_frame[4], x * of_frame[6] + y * of_frame[7] + z * of_frame[8]
 
 
 def _products(frames: Array, vectors: Array) -> Array:
-    """East and north components in the frame of ECEF vectors in columns ``(n, 3, 2)``: ``(n, 2, 2)``."""
-    return frames[..., 3:9].reshape(*frames.shape[:-1], 2, 3) @ vectors
+    """East and north components in the frame of pairs of ECEF vectors ``(3, 2, n)``: ``(n, 2, 2)``."""
+    axes = np.ascontiguousarray(frames[:, 3:9].T).reshape(2, 3, 1, -1)
+    products: Array = (axes * vectors).sum(axis=1)
+    return products.transpose(2, 0, 1)
 
 
 def _foot_point(frames: Array, e_m: Array, n_m: Array) -> Array:
-    """ECEF of the point of the ellipsoid that has these plane coordinates.
+    """ECEF ``(3, n)`` of the point of the ellipsoid that has these plane coordinates.
 
     ``O + e E + n N + u U`` lies on ``x² + y² + k z² = a²`` with k = 1/(1 - e²). Because ``diag(1, 1, k) O`` is N U (N:
     radius in the prime vertical) and E has no z, the quadratic ``A u² + 2 B u + C = 0`` has the short coefficients
     below and loses no digits.
     """
-    up_z, north_z = frames[..., 11], frames[..., 8]
+    of_frame = frames.T
+    up_z, north_z = of_frame[11], of_frame[8]
     prime_vertical_m = SEMI_MAJOR_M / np.sqrt(1.0 - ECCENTRICITY_SQUARED * up_z**2)
     A = 1.0 + SECOND_ECCENTRICITY_SQUARED * up_z**2
     B = prime_vertical_m + SECOND_ECCENTRICITY_SQUARED * n_m * north_z * up_z
     C = e_m**2 + n_m**2 * (1.0 + SECOND_ECCENTRICITY_SQUARED * north_z**2)
     under_root = B * B - A * C
     u_m = -C / (B + np.sqrt(np.where(under_root < 0.0, np.nan, under_root)))
-    return (
-        frames[..., 0:3]
-        + np.asarray(e_m)[..., None] * frames[..., 3:6]
-        + np.asarray(n_m)[..., None] * frames[..., 6:9]
-        + u_m[..., None] * frames[..., 9:12]
-    )
+    foot_m: Array = of_frame[0:3] + e_m * of_frame[3:6] + n_m * of_frame[6:9] + u_m * of_frame[9:12]
+    return foot_m

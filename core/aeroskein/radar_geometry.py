@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from aeroskein.ellipsoid import ECCENTRICITY_SQUARED, SEMI_MAJOR_M, ecef_axes, from_ecef, normal_and_height, to_ecef
-from aeroskein.plots import Array, Bools
+from aeroskein.ellipsoid import ECCENTRICITY_SQUARED, SEMI_MAJOR_M, Angles, from_ecef, height_above, to_ecef
+from aeroskein.plots import Array, Bools, columns_of
 from aeroskein.units import wrap_azimuth_deg
 
 __all__ = [
@@ -83,22 +83,19 @@ def radar_to_geodetic(sites: Array, slant_range_m: Array, azimuth_deg: Array, he
         Positions, elevations, and which are feasible.
     """
     range_m = np.maximum(slant_range_m, SHORTEST_RANGE_M)
-    ahead, _ = _horizontal(sites, azimuth_deg)
-    up = sites[..., 9:12]
-    sin_lat_squared = sites[..., 11] ** 2
-    root = np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_lat_squared)
-    site_height_m = np.einsum("...c,...c->...", sites[..., 0:3], up) - SEMI_MAJOR_M * root
+    site = np.ascontiguousarray(sites.T)
+    ahead, _ = _horizontal(site, azimuth_deg)
+    root = np.sqrt(1.0 - ECCENTRICITY_SQUARED * site[11] ** 2)
+    site_height_m = (site[0:3] * site[9:12]).sum(axis=0) - SEMI_MAJOR_M * root
     radius_m = SEMI_MAJOR_M * np.sqrt(1.0 - ECCENTRICITY_SQUARED) / root**2  # Gaussian mean radius
     to_site_m = radius_m + site_height_m
     sin_el = (height_m - site_height_m) * (2.0 * radius_m + height_m + site_height_m) - range_m**2
-    sin_el = np.clip(sin_el / (2.0 * range_m * to_site_m), -1.0, 1.0)
+    sin_el = _sine(sin_el / (2.0 * range_m * to_site_m))
     metres_per_sine = range_m * to_site_m / (radius_m + height_m)
     for _ in range(HEIGHT_STEPS):
-        point_m = _along_beam(sites, range_m, ahead, sin_el)
-        missed_m = height_m - normal_and_height(point_m)[1]
-        sin_el = np.clip(sin_el + missed_m / metres_per_sine, -1.0, 1.0)
-    point_m = _along_beam(sites, range_m, ahead, sin_el)
-    lat_deg, lon_deg, reached_m = from_ecef(point_m)
+        missed_m = height_m - height_above(_along_beam(site, range_m, ahead, sin_el).T)
+        sin_el = _sine(sin_el + missed_m / metres_per_sine)
+    lat_deg, lon_deg, reached_m = from_ecef(_along_beam(site, range_m, ahead, sin_el).T)
     feasible = np.abs(reached_m - height_m) < HEIGHT_TOLERANCE_M
     cos_el = np.sqrt(1.0 - sin_el**2)
     elevation_deg = np.degrees(np.arctan2(sin_el, cos_el))
@@ -161,20 +158,29 @@ def radar_jacobian(
     (n, 2, 3) array
         d(east, north at the target, at its height) / d(range, azimuth, height). [1, m/rad, 1]
     """
+    return _jacobian(sites, slant_range_m, azimuth_deg, fix, smallest_cos_elevation).transpose(2, 0, 1)
+
+
+def _jacobian(
+    sites: Array, slant_range_m: Array, azimuth_deg: Array, fix: RadarFix, smallest_cos_elevation: Array | float
+) -> Array:
+    """``radar_jacobian`` with the rows last, ``(2, 3, n)``."""
     range_m = np.maximum(slant_range_m, SHORTEST_RANGE_M)
     cos_el = np.maximum(fix.cos_elevation, np.maximum(smallest_cos_elevation, 1e-9))
     sin_el = np.sign(fix.elevation_deg) * np.sqrt(np.maximum(0.0, 1.0 - cos_el**2))
-    ahead, clockwise = _horizontal(sites, azimuth_deg)
-    up = sites[..., 9:12]
-    beam = cos_el[:, None] * ahead + sin_el[:, None] * up
-    rising = cos_el[:, None] * up - sin_el[:, None] * ahead
-    east, north, normal = ecef_axes(fix.lat_deg, fix.lon_deg)
+    site = np.ascontiguousarray(sites.T)
+    ahead, clockwise = _horizontal(site, azimuth_deg)
+    up = site[9:12]
+    beam, rising = cos_el * ahead + sin_el * up, cos_el * up - sin_el * ahead
+    angles = Angles.of(fix.lat_deg, fix.lon_deg)
+    normal = angles.up()
     # n·w is the cosine of the elevation measured at the target, about (1 - r/R) cos el: small overhead, never zero.
-    rising = rising / np.einsum("nc,nc->n", normal, rising)[:, None]
-    by_range = beam - rising * np.einsum("nc,nc->n", normal, beam)[:, None]
-    by_azimuth = clockwise - rising * np.einsum("nc,nc->n", normal, clockwise)[:, None]
-    moves = np.stack([by_range, by_azimuth * (range_m * cos_el)[:, None], rising], axis=-1)
-    jacobian: Array = np.stack([east, north], axis=-2) @ moves
+    rising = rising / (normal * rising).sum(axis=0)
+    moves = np.empty((3, 1, 3, len(range_m)))
+    moves[:, 0, 0] = beam - rising * (normal * beam).sum(axis=0)
+    moves[:, 0, 1] = (clockwise - rising * (normal * clockwise).sum(axis=0)) * (range_m * cos_el)
+    moves[:, 0, 2] = rising
+    jacobian: Array = (angles.level_axes()[:, :, None] * moves).sum(axis=0)
     return jacobian
 
 
@@ -213,11 +219,11 @@ def radar_covariance(
     range_m = np.maximum(slant_range_m, SHORTEST_RANGE_M)
     blur_m = np.hypot(range_sigma_m, height_sigma_m)
     smallest = np.minimum(np.sqrt(2.0 * blur_m / range_m), 1.0)
-    jacobian = radar_jacobian(sites, slant_range_m, azimuth_deg, fix, smallest)
-    sigmas = [range_sigma_m, np.radians(azimuth_sigma_deg), height_sigma_m]
-    scaled = jacobian * np.stack(np.broadcast_arrays(*sigmas, range_m)[:3], axis=-1)[:, None, :]
-    east, north = scaled[:, 0], scaled[:, 1]
-    return np.stack([(east * east).sum(-1), (east * north).sum(-1), (north * north).sum(-1)], axis=-1)
+    east, north = _jacobian(sites, slant_range_m, azimuth_deg, fix, smallest)
+    for k, sigma in enumerate((range_sigma_m, np.radians(azimuth_sigma_deg), height_sigma_m)):
+        east[k] *= sigma
+        north[k] *= sigma
+    return columns_of((east * east).sum(axis=0), (east * north).sum(axis=0), (north * north).sum(axis=0))
 
 
 def turned_covariance(radial: Array, across: Array, east: Array, north: Array) -> tuple[Array, Array, Array]:
@@ -229,14 +235,21 @@ def turned_covariance(radial: Array, across: Array, east: Array, north: Array) -
     )
 
 
-def _horizontal(sites: Array, azimuth_deg: Array) -> tuple[Array, Array]:
-    """Unit vectors along the azimuth and clockwise of it, horizontal at the site, ``(n, 3)`` in ECEF axes."""
+def _horizontal(site: Array, azimuth_deg: Array) -> tuple[Array, Array]:
+    """Unit vectors along the azimuth and clockwise of it, horizontal at the site ``(12, n)``: ``(3, n)`` in ECEF."""
     azimuth = np.radians(azimuth_deg)
-    sin_az, cos_az = np.sin(azimuth)[..., None], np.cos(azimuth)[..., None]
-    east, north = sites[..., 3:6], sites[..., 6:9]
+    sin_az, cos_az = np.sin(azimuth), np.cos(azimuth)
+    east, north = site[3:6], site[6:9]
     return sin_az * east + cos_az * north, cos_az * east - sin_az * north
 
 
-def _along_beam(sites: Array, range_m: Array, ahead: Array, sin_el: Array) -> Array:
+def _sine(value: Array) -> Array:
+    """What is meant as a sine, kept between -1 and 1."""
+    return np.minimum(np.maximum(value, -1.0), 1.0)
+
+
+def _along_beam(site: Array, range_m: Array, ahead: Array, sin_el: Array) -> Array:
+    """The point so far along the beam of a site ``(12, n)``: ``(3, n)`` in ECEF. [m]"""
     flat_m, rise_m = range_m * np.sqrt(1.0 - sin_el**2), range_m * sin_el
-    return sites[..., 0:3] + flat_m[..., None] * ahead + rise_m[..., None] * sites[..., 9:12]
+    point_m: Array = site[0:3] + flat_m * ahead + rise_m * site[9:12]
+    return point_m
