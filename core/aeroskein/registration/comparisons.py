@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.ellipsoid import ecef_axes, to_ecef
-from aeroskein.plots import Array, Bools, Ints, joined
+from aeroskein.plots import Array, Bools, Ints, columns_of, joined
 from aeroskein.units import wrap_angle_deg
 
 __all__ = ["RAD_PER_DEG", "Comparisons", "Geometry", "geometry_of"]
@@ -96,12 +96,15 @@ class Comparisons:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(*[getattr(self, name)[rows] for name in _OF_COMPARISONS])
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
         return joined(parts)
+
+
+_OF_COMPARISONS: Final = tuple(field.name for field in fields(Comparisons))
 
 
 @dataclass(slots=True, eq=False)
@@ -139,6 +142,13 @@ class Geometry:
     plot_m: Array
     velocity_en: Array
 
+    def take(self, rows: NDArray[Any]) -> Self:
+        """The given rows (an index array or a boolean mask), in that order."""
+        return type(self)(*[getattr(self, name)[rows] for name in _OF_GEOMETRY])
+
+
+_OF_GEOMETRY: Final = tuple(field.name for field in fields(Geometry))
+
 
 def geometry_of(rows: Comparisons, sites: Array) -> Geometry:
     """Place references and plots in the radars' own coordinates.
@@ -156,45 +166,38 @@ def geometry_of(rows: Comparisons, sites: Array) -> Geometry:
         Rows in the same order.
     """
     site = sites[rows.sensor]
-    east, north, up = ecef_axes(rows.lat_deg, rows.lon_deg)
-    climb = np.nan_to_num(rows.vertical_rate_mps)
-    velocity = rows.v_east_mps[:, None] * east + rows.v_north_mps[:, None] * north + climb[:, None] * up
-    stamp_after_s = rows.time_s - rows.reference_time_s
-    reference_m = to_ecef(rows.lat_deg, rows.lon_deg, rows.height_m) + velocity * stamp_after_s[:, None]
+    # East, north and up at the aircraft, (n, 3, 3), and its velocity along them.
+    axes = np.stack(ecef_axes(rows.lat_deg, rows.lon_deg), axis=1)
+    climb = np.where(np.isnan(rows.vertical_rate_mps), 0.0, rows.vertical_rate_mps)
+    velocity = columns_of(rows.v_east_mps, rows.v_north_mps, climb)
+    reference_m = to_ecef(rows.lat_deg, rows.lon_deg, rows.height_m)
+    reference_m += np.einsum("na,nac->nc", velocity, axes) * (rows.time_s - rows.reference_time_s)[:, None]
 
-    # Horizon axes of the radar, (n, 3) each.
-    site_e, site_n, site_u = site[:, 3:6], site[:, 6:9], site[:, 9:12]
-    away = reference_m - site[:, 0:3]
-    e_m, n_m, up_m = (np.einsum("nc,nc->n", away, axis) for axis in (site_e, site_n, site_u))
+    # The radar's own east, north and up.
+    site_m, site_axes = site[:, 0:3], site[:, 3:12].reshape(-1, 3, 3)
+    away = reference_m - site_m
+    e_m, n_m, up_m = np.ascontiguousarray(np.einsum("nac,nc->na", site_axes, away).T)
     range_m = np.sqrt(e_m**2 + n_m**2 + up_m**2)
     ground_m = np.maximum(np.hypot(e_m, n_m), 1.0)
-    radial = away / np.maximum(range_m, 1.0)[:, None]
-    across = (site_e * n_m[:, None] - site_n * e_m[:, None]) / ground_m[:, None]
+    radial = np.einsum("nac,nc->na", axes, away / np.maximum(range_m, 1.0)[:, None])
+    clockwise = (site_axes[:, 0] * n_m[:, None] - site_axes[:, 1] * e_m[:, None]) / ground_m[:, None]
+    across = np.einsum("nac,nc->na", axes, clockwise)
 
     azimuth_error_deg = wrap_angle_deg(rows.azimuth_deg - np.degrees(np.arctan2(e_m, n_m)))
     plot_ground_m = np.sqrt(np.maximum(rows.range_m**2 - up_m**2, 0.0))
     plot_rad = rows.azimuth_deg * RAD_PER_DEG
-    plot_m = (
-        site[:, 0:3]
-        + (plot_ground_m * np.sin(plot_rad))[:, None] * site_e
-        + (plot_ground_m * np.cos(plot_rad))[:, None] * site_n
-        + up_m[:, None] * site_u
-    )
+    plot = columns_of(plot_ground_m * np.sin(plot_rad), plot_ground_m * np.cos(plot_rad), up_m)
     return Geometry(
         range_error_m=rows.range_m - range_m,
         across_error_m=azimuth_error_deg * RAD_PER_DEG * ground_m,
         range_m=range_m,
         ground_m=ground_m,
         up_m=up_m,
-        radial_mps=np.einsum("nc,nc->n", radial, velocity),
-        across_mps=np.einsum("nc,nc->n", across, velocity),
-        radial_en=_in_plane(radial, east, north),
-        across_en=_in_plane(across, east, north),
-        radial_up=np.einsum("nc,nc->n", radial, up),
-        plot_m=plot_m,
-        velocity_en=np.stack([rows.v_east_mps, rows.v_north_mps], axis=-1),
+        radial_mps=np.einsum("na,na->n", radial, velocity),
+        across_mps=np.einsum("na,na->n", across, velocity),
+        radial_en=radial[:, :2],
+        across_en=across[:, :2],
+        radial_up=radial[:, 2],
+        plot_m=site_m + np.einsum("na,nac->nc", plot, site_axes),
+        velocity_en=velocity[:, :2],
     )
-
-
-def _in_plane(vector: Array, east: Array, north: Array) -> Array:
-    return np.stack([np.einsum("nc,nc->n", vector, east), np.einsum("nc,nc->n", vector, north)], axis=-1)

@@ -58,11 +58,14 @@ class KalmanEstimator:
             self._place_of[group.members] = np.arange(len(group.members))
         self._preset = mean
 
-    def add(self, rows: Comparisons) -> None:
-        """Take comparisons in."""
-        group = self._group_of[rows.sensor]
-        for g in np.unique(group[group >= 0]):
-            self.groups[g].add(rows.take(group == g))
+    def add(self, rows: Comparisons) -> bool:
+        """Take comparisons in; says whether any estimate has changed by now."""
+        group_of, changed = self._group_of[rows.sensor], False
+        for g, group in enumerate(self.groups):
+            own = group_of == g
+            if own.any():
+                changed |= group.add(rows if own.all() else rows.take(own))
+        return changed
 
     def advance(self, now_s: float) -> None:
         """Let time pass."""

@@ -46,10 +46,10 @@ class FeedbackEstimator:
         self._last_s = np.full(n, -np.inf)
         self._held = np.zeros(n, dtype=np.bool_)
 
-    def add(self, rows: Comparisons) -> None:
-        """Feed system tracks back: the references are the system track, anchored or not."""
+    def add(self, rows: Comparisons) -> bool:
+        """Feed system tracks back (the references are the system track, anchored or not); says that they have been."""
         if len(rows) == 0:
-            return
+            return False
         geometry = geometry_of(rows, self._sites)
         deviation = np.stack(
             [geometry.range_error_m, geometry.across_error_m / (geometry.ground_m * RAD_PER_DEG)], axis=-1
@@ -65,6 +65,7 @@ class FeedbackEstimator:
             self._seen[sensor] = np.union1d(self._seen[sensor], new)[-4096:]
             self._aircraft[sensor] += len(new)
             self._last_s[sensor] = rows.time_s[mine[-1]]
+        return True
 
     def _feed_back(self, sensor: int, deviation: Array) -> None:
         """``e <- e + gain (deviation - e)`` for one plot after the other, in closed form."""

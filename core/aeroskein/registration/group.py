@@ -96,15 +96,17 @@ class RadarGroup:
         self._next_watch_s = self._next_scatter_s = -np.inf
 
     # -- input ---------------------------------------------------------------------------------------------------
-    def add(self, rows: Comparisons) -> None:
-        """Queue comparisons of this group's radars; they are taken in when a second's worth is there."""
+    def add(self, rows: Comparisons) -> bool:
+        """Queue comparisons of this group's radars; says whether a second's worth was there, so that all went in."""
         if len(rows) == 0:
-            return
+            return False
         self._queue.append(rows)
         self._queued += len(rows)
         self._oldest_s = min(self._oldest_s, float(rows.time_s.min()))
-        if self._queued >= QUEUE_MAX or float(rows.time_s.max()) - self._oldest_s >= STEP_S:
+        due = self._queued >= QUEUE_MAX or float(rows.time_s.max()) - self._oldest_s >= STEP_S
+        if due:
             self.flush()
+        return due
 
     def flush(self) -> None:
         """Take in what is queued."""
@@ -115,17 +117,18 @@ class RadarGroup:
             return
         geometry = geometry_of(rows, self._sites)
         keep = np.flatnonzero(usable(rows, geometry) & ~self.filter.considered[self._local[rows.sensor]])
-        rows = rows.take(keep[np.argsort(rows.time_s[keep], kind="stable")])
-        if len(rows) == 0:
+        if len(keep) == 0:
             return
+        keep = keep[np.argsort(rows.time_s[keep], kind="stable")]
+        anchored = rows.anchored[keep]
+        with_anchor, alone = keep[anchored], keep[~anchored]
         made: list[Rows] = []
-        anchored = rows.take(rows.anchored)
-        if len(anchored):
-            made.append(anchored_rows(anchored, geometry_of(anchored, self._sites), self._noise))
-        alone = rows.take(~rows.anchored)
-        pairs = self._pairs.add(alone, geometry_of(alone, self._sites))
-        if pairs is not None:
-            made.append(pairs)
+        if len(with_anchor):
+            made.append(anchored_rows(rows.take(with_anchor), geometry.take(with_anchor), self._noise))
+        if len(alone):
+            pairs = self._pairs.add(rows.take(alone), geometry.take(alone))
+            if pairs is not None:
+                made.append(pairs)
         if made:
             self._take_in(Rows.concatenate(made))
 
@@ -134,6 +137,9 @@ class RadarGroup:
 
         One wild plot alone would be believed, because nothing is known yet; a dozen show which of them is wild.
         """
+        if self.samples.all():
+            self._queue, self._queued, self._oldest_s = [], 0, np.inf
+            return rows
         k = self._local[rows.sensor]
         count = np.bincount(k, minlength=len(self.members))
         span_s = float(rows.time_s.max() - rows.time_s.min())

@@ -149,8 +149,7 @@ class Registration:
         if not self._settings.registration.enabled or len(rows) == 0:
             return
         keep = self.radars[rows.sensor] & self._handover.usable(rows.sensor, rows.time_s)
-        if keep.any():
-            self._estimator.add(rows.take(keep))
+        if keep.any() and self._estimator.add(rows if keep.all() else rows.take(keep)):
             self._refresh()
 
     def lateness(self, rows: Comparisons) -> tuple[Array, Array, Array]:
@@ -171,12 +170,15 @@ class Registration:
             [s, s², s²]
         """
         found = np.full((3, len(rows)), np.nan)
+        good = rows.anchored & ~self._uncertain[rows.sensor]
+        if not good.any():
+            return found[0], found[1], found[2]
         geometry = geometry_of(rows, self.sites)
-        good = usable(rows, geometry) & rows.anchored & ~self._uncertain[rows.sensor]
+        good &= usable(rows, geometry)
         at = np.flatnonzero(good & (np.hypot(geometry.radial_mps, geometry.across_mps) > LATENCY_SPEED_MIN_MPS))
         if len(at):
             rows = rows.take(at)
-            seen = anchored_rows(rows, geometry_of(rows, self.sites), self._noise)
+            seen = anchored_rows(rows, geometry.take(at), self._noise)
             velocity = seen.of_aircraft[:, :, 0]
             error = seen.error_m - np.einsum("nij,nj->ni", seen.of_sensor, self._correction[rows.sensor])
             weight = np.linalg.solve(seen.covariance_m2, velocity[:, :, None])[:, :, 0]

@@ -20,7 +20,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints, joined
+from aeroskein.plots import Array, Ints, columns_of, joined
 from aeroskein.registration.comparisons import RAD_PER_DEG, Comparisons, Geometry
 from aeroskein.settings import EngineSettings
 
@@ -62,7 +62,7 @@ class Noise:
 
     def polar(self, sensor: Ints, ground_m: Array, radial_mps: Array, across_mps: Array) -> Array:
         """Covariance of plots along (radial, across), with the jitter of the stamp: ``(n, 2, 2)``. [m²]"""
-        motion = np.stack([radial_mps, across_mps], axis=-1) * self.time_sigma_s[sensor, None]
+        motion = columns_of(radial_mps, across_mps) * self.time_sigma_s[sensor, None]
         covariance = motion[:, :, None] * motion[:, None, :]
         covariance[:, 0, 0] += self.range_sigma_m[sensor] ** 2
         covariance[:, 1, 1] += (ground_m * RAD_PER_DEG * self.azimuth_sigma_deg[sensor]) ** 2
@@ -112,12 +112,15 @@ class Rows:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return type(self)(*[getattr(self, name)[rows] for name in _OF_ROWS])
 
     @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
         return joined(parts)
+
+
+_OF_ROWS: Final = tuple(field.name for field in fields(Rows))
 
 
 def usable(rows: Comparisons, geometry: Geometry) -> NDArray[np.bool_]:
@@ -150,25 +153,25 @@ def anchored_rows(rows: Comparisons, geometry: Geometry, noise: Noise) -> Rows:
     """Measurements of a radar's biases against references that may be believed."""
     n = len(rows)
     axes = np.stack([geometry.radial_en, geometry.across_en], axis=1)
-    cov = rows.position_cov_m2
-    plane = np.stack([cov[:, [0, 1]], cov[:, [1, 2]]], axis=1)
+    plane = rows.position_cov_m2[:, [[0, 1], [1, 2]]]
     covariance = noise.polar(rows.sensor, geometry.ground_m, geometry.radial_mps, geometry.across_mps)
     covariance += REFERENCE_CORRELATION * (axes @ plane @ axes.swapaxes(1, 2))
-    covariance[:, 0, 0] += (geometry.radial_up * rows.height_sigma_m) ** 2
+    of_height, none = geometry.radial_up * rows.height_sigma_m, np.zeros(n)
+    covariance[:, 0, 0] += of_height**2
     of_aircraft = np.empty((n, 2, NUISANCES))
     of_aircraft[:, 0, 0] = geometry.radial_mps
     of_aircraft[:, 1, 0] = geometry.across_mps
     of_aircraft[:, :, 1:] = -axes
     return Rows(
         time_s=rows.time_s,
-        error_m=np.stack([geometry.range_error_m, geometry.across_error_m], axis=-1),
+        error_m=columns_of(geometry.range_error_m, geometry.across_error_m),
         covariance_m2=covariance,
         sensor=rows.sensor,
         other=np.full(n, -1),
         of_sensor=bias_jacobian(geometry.range_m, geometry.ground_m, geometry.radial_mps, geometry.across_mps),
         of_other=np.zeros((n, 2, BIASES)),
-        range_m=np.stack([geometry.range_m, np.zeros(n)], axis=-1),
+        range_m=columns_of(geometry.range_m, none),
         aircraft=rows.aircraft,
         of_aircraft=of_aircraft,
-        of_height=np.stack([geometry.radial_up * rows.height_sigma_m, np.zeros(n)], axis=-1),
+        of_height=columns_of(of_height, none),
     )
