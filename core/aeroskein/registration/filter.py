@@ -186,6 +186,8 @@ class BiasFilter:
         """
         if len(slot):
             self.used = max(self.used, int(slot.max()) + 1)
+        if len(rows) <= CHUNK:
+            return self._update_chunk(rows, radar, other, slot)
         parts = [
             self._update_chunk(rows.take(part), radar[part], other[part], slot[part])
             for part in np.split(np.arange(len(rows)), range(CHUNK, len(rows), CHUNK))
@@ -223,13 +225,14 @@ class BiasFilter:
         HPHt = H @ PHt
         blocks = HPHt.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n), :]
         spread = blocks + rows.covariance_m2
-        taken = np.flatnonzero(_mahalanobis2(innovation, spread) < GATE)
-        if len(taken):
-            both = (2 * taken[:, None] + np.arange(2)).reshape(-1)
-            noise = self._robust_noise(
-                HPHt[np.ix_(both, both)], innovation[taken].reshape(-1), rows.covariance_m2[taken]
-            )
-            self._correct(a, PHt[:, both], _plus_blocks(HPHt[np.ix_(both, both)], noise), innovation[taken].reshape(-1))
+        taken, error, noise = _mahalanobis2(innovation, spread) < GATE, innovation, rows.covariance_m2
+        if not taken.any():
+            return innovation, spread
+        if not taken.all():
+            both = np.repeat(taken, 2)
+            PHt, HPHt, error, noise = PHt[:, both], HPHt[both][:, both], error[taken], noise[taken]
+        noise = self._robust_noise(HPHt, error.reshape(-1), noise)
+        self._correct(a, PHt, _plus_blocks(HPHt, noise), error.reshape(-1))
         return innovation, spread
 
     def _robust_noise(self, HPHt: Array, innovation: Array, noise_m2: Array) -> Array:

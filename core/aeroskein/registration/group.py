@@ -189,10 +189,11 @@ class RadarGroup:
         place[anchored], fresh = self._places.assign(rows.aircraft[anchored], radar[anchored], now_s)
         if len(fresh):
             self.filter.clear_aircraft(fresh)
-        used = np.flatnonzero((place >= 0) | ~anchored)
-        if len(used) == 0:
+        used = (place >= 0) | ~anchored
+        if not used.any():
             return
-        rows, radar, other, place = rows.take(used), radar[used], other[used], place[used]
+        if not used.all():
+            rows, radar, other, place = rows.take(used), radar[used], other[used], place[used]
         innovation, spread = self.filter.update(rows, radar, other, place)
         self._recent.append(rows)
         self._count(rows, radar, other, now_s)
@@ -201,24 +202,29 @@ class RadarGroup:
         self._adapt_scatter(now_s)
 
     def _count(self, rows: Rows, radar: Ints, other: Ints, now_s: float) -> None:
-        for k in np.unique(np.concatenate([radar, other[other >= 0]])):
+        for k in range(len(self.members)):
             own = (radar == k) | (other == k)
+            if not own.any():
+                continue
             if not self.last_s[k] > -np.inf:
                 self._watch[k].quiet_until_s = now_s + QUIET_S
             self.samples[k] += int(own.sum())
             share = own.sum() / max(min(self.samples[k], RANGE_SAMPLES), 1)
             mean_m = np.where(radar[own] == k, rows.range_m[own, 0], rows.range_m[own, 1]).mean()
             self._mean_range_m[k] += min(share, 1.0) * (mean_m - self._mean_range_m[k])
-            new = np.setdiff1d(rows.aircraft[own], self._seen[k])
-            self.aircraft[k] += len(new)
-            # Track numbers grow, so the lowest ones are those that will not come again.
-            self._seen[k] = np.union1d(self._seen[k], new)[-SEEN_MAX:]
+            known, aircraft = self._seen[k], rows.aircraft[own]
+            # Two in a row of the sorted numbers say that an aircraft has been here before.
+            if (np.searchsorted(known, aircraft) == np.searchsorted(known, aircraft, side="right")).any():
+                # Track numbers grow, so the lowest ones are those that will not come again.
+                seen = np.union1d(known, aircraft)
+                self.aircraft[k] += len(seen) - len(known)
+                self._seen[k] = seen[-SEEN_MAX:]
             self.last_s[k] = now_s
             if np.isnan(self.started_s[k]):
                 self.started_s[k] = now_s
             ripe = now_s - self.started_s[k] > GAIN_AFTER_S and self.aircraft[k] >= GAIN_AIRCRAFT
             if ripe and not self.filter.gain_free[k]:
-                self.filter.free_gain(int(k), GAIN_SIGMA, float(self._mean_range_m[k]))
+                self.filter.free_gain(k, GAIN_SIGMA, float(self._mean_range_m[k]))
 
     def _look_for_jumps(
         self, rows: Rows, radar: Ints, other: Ints, innovation: Array, spread: Array, now_s: float

@@ -66,7 +66,7 @@ class JumpWatch:
         if not keep.all():
             self._time_s, self._aircraft = self._time_s[keep], self._aircraft[keep]
             self._white, self._of_shift = self._white[keep], self._of_shift[keep]
-        if now_s < self.quiet_until_s or len(self._time_s) < ROWS_MIN or len(np.unique(self._aircraft)) < 2:
+        if now_s < self.quiet_until_s or len(self._time_s) < ROWS_MIN or (self._aircraft == self._aircraft[0]).all():
             return None
         shift = self._best_shift()
         before = _huber(np.linalg.norm(self._white, axis=1))

@@ -49,12 +49,13 @@ class Places:
             Places that changed hands: their states must be cleared.
         """
         place = self._find(aircraft)
-        banned = np.isin(aircraft, self._banned[self._banned_until_s > time_s])
+        banned = self.is_banned(aircraft, time_s)
         place[banned] = -1
-        new, first = np.unique(aircraft[(place < 0) & ~banned], return_index=True)
+        wanting = np.flatnonzero((place < 0) & ~banned)
         fresh = np.empty(0, dtype=np.int64)
-        if len(new):
-            fresh = self._admit(new, radar[(place < 0) & ~banned][first], time_s)
+        if len(wanting):
+            new, first = np.unique(aircraft[wanting], return_index=True)
+            fresh = self._admit(new, radar[wanting[first]], time_s)
             place = np.where(banned, -1, self._find(aircraft))
         self.touched_s[place[place >= 0]] = time_s
         return place, fresh
@@ -71,6 +72,8 @@ class Places:
 
     def is_banned(self, aircraft: Ints, time_s: float) -> Bools:
         """Which of these are left out, shape ``(n,)``."""
+        if not len(self._banned):
+            return np.zeros(len(aircraft), dtype=np.bool_)
         return np.isin(aircraft, self._banned[self._banned_until_s > time_s])
 
     def clear(self) -> None:
