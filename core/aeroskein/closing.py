@@ -8,6 +8,7 @@ forward and back, the settled state moves on, and the next division point is lai
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from aeroskein import manoeuvre
 from aeroskein.closed import Closed, Estimate
 from aeroskein.elements import element_boundaries
-from aeroskein.estimator import estimate
+from aeroskein.estimator import estimate, go_on
 from aeroskein.gating import GateMemory
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
@@ -43,7 +44,8 @@ class ElementTable:
 
     ``boundaries_s (capacity, lookahead + 2)`` holds the division points from the start of the open element to the end
     of its look-ahead; ``settled_s``, ``x``, ``P`` the settled state; ``index`` counts elements; ``places_m (capacity,
-    4)`` holds where the last two were published, the older one first.
+    4)`` holds where the last two were published, the older one first. Reports at or before ``late_s`` come too late:
+    that is the settled time, or the one that a pass under way will settle.
     """
 
     def __init__(self, settings: EngineSettings, capacity: int) -> None:
@@ -54,7 +56,7 @@ class ElementTable:
         self.wait_s = settings.fusion.watermark_s
         self.open: Bools = np.zeros(capacity, dtype=np.bool_)
         self.boundaries_s = np.full((capacity, settings.fusion.lookahead + 2), np.inf)
-        self.settled_s = np.full(capacity, -np.inf)
+        self.settled_s, self.late_s = np.full(capacity, -np.inf), np.full(capacity, -np.inf)
         self.index: Ints = np.zeros(capacity, dtype=np.int64)
         self.states = np.zeros((capacity, 30))
         self.places_m = np.full((capacity, 4), np.nan)
@@ -64,7 +66,7 @@ class ElementTable:
     def grow(self, capacity: int) -> None:
         """Make room for more tracks."""
         more = ElementTable(self._settings, capacity - len(self.open))
-        for name in ("open", "boundaries_s", "settled_s", "index", "states", "places_m"):
+        for name in ("open", "boundaries_s", "settled_s", "late_s", "index", "states", "places_m"):
             setattr(self, name, np.concatenate([getattr(self, name), getattr(more, name)]))
         self.gates = GateMemory(
             np.concatenate([self.gates.misses, more.gates.misses]),
@@ -87,7 +89,7 @@ class ElementTable:
         start_s = np.maximum(first_s, not_before_s)
         self.open[slots] = True
         self.boundaries_s[slots] = start_s[:, None] + self._first_boundaries_s()
-        self.settled_s[slots] = first_s
+        self.settled_s[slots] = self.late_s[slots] = first_s
         self.index[slots] = 0
         self.places_m[slots] = np.nan
         self.states[slots] = np.concatenate([x, P]).T
@@ -105,7 +107,7 @@ class ElementTable:
         """End the elements of terminated tracks."""
         self.open[slots] = False
         self.boundaries_s[slots] = np.inf
-        self.settled_s[slots] = -np.inf
+        self.settled_s[slots] = self.late_s[slots] = -np.inf
 
     @property
     def due_s(self) -> Array:
@@ -113,7 +115,7 @@ class ElementTable:
         due: Array = self.boundaries_s[:, -1] + self.wait_s
         return due
 
-    def close(self, slots: Ints, rings: Rings) -> Closed:
+    def close(self, slots: Ints, rings: Rings, give_way: Callable[[], None] = go_on) -> Closed:
         """Close the open element of each track and open the next.
 
         Parameters
@@ -122,19 +124,23 @@ class ElementTable:
             Tracks.
         rings : Rings
             The buffered reports of all tracks; what the detector finds is written beside them.
+        give_way : callable
+            Called between rounds; reports may be buffered meanwhile.
         """
         boundaries = self.boundaries_s[slots]
         centre = 0.5 * (boundaries[:, 0] + boundaries[:, 1])
         horizon = boundaries[:, -1]
         settled = self.settled_s[slots]
         next_settled = np.maximum(np.minimum(centre, horizon - REVISION_S), settled)
+        self.late_s[slots] = next_settled
         window = gather(rings, slots, settled, horizon, centre, next_settled)
         order = window.lanes
         slots, boundaries, centre = slots[order], boundaries[order], centre[order]
-        self._detect(slots, window)
+        self._detect(slots, window, give_way)
         _keep_density(rings, slots, window)
         states = np.ascontiguousarray(self.states[slots].T)
-        result = estimate(window, _windowed_max(window), states[:6], states[6:], settled[order], self.gates.take(slots))
+        density, gates = _windowed_max(window), self.gates.take(slots)
+        result = estimate(window, density, states[:6], states[6:], settled[order], gates, give_way)
         before = self.places_m[slots].T
         closed = Closed(slots, self.index[slots], boundaries[:, :2], centre, result, window, before)
         self._settle(slots, next_settled[order], result)
@@ -145,7 +151,7 @@ class ElementTable:
         """Remember where the elements that were closed last ``(2, n)`` are shown."""
         self.places_m[slots] = np.concatenate([self.places_m[slots, 2:], position_m.T], axis=1)
 
-    def _detect(self, slots: Ints, window: Window) -> None:
+    def _detect(self, slots: Ints, window: Window, give_way: Callable[[], None]) -> None:
         """Run the detector over reports it has not seen, and note the density of jerk that it finds at each.
 
         Every report is seen once, in order of time; one that comes after the detector has passed its time is not.
@@ -167,6 +173,7 @@ class ElementTable:
         # Where the k-th fresh report of each lane stands; lanes with the most come first.
         places = np.argsort(np.where(fresh, 0, 1), axis=0, kind="stable")
         for k in range(rounds):
+            give_way()
             m = active[k]
             lane = lanes[:m]
             event = places[k, lane]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from aeroskein import ageing, dispositions, fusion, silence, snapshots
 from aeroskein.applied_biases import AppliedBiases
 from aeroskein.beginnings import first_believable
 from aeroskein.engine_state import EngineState, StageClock
+from aeroskein.estimator import go_on
 from aeroskein.events import Event, RegistrationState
 from aeroskein.live import first_state
 from aeroskein.measurements import COLUMNS, Measurements
@@ -119,32 +121,43 @@ class FusionEngine:
         self._state.live.every_s = every_s
 
     # -- time ----------------------------------------------------------------------------------
-    def advance(self, *, now_s: float, most: int | None = None, few_wait_s: float = 0.0) -> list[Event]:
+    def advance(
+        self,
+        *,
+        now_s: float,
+        most: int | None = None,
+        few_wait_s: float = 0.0,
+        give_way: Callable[[list[Event]], None] | None = None,
+    ) -> list[Event]:
         """Let time pass: start and close elements behind the watermark, coast, terminate.
 
         With ``most``, no more elements than this are closed, those that are due longest first; what is left is due at
         once, see ``next_deadline_s``. With ``few_wait_s`` a handful of elements waits so long for others: for whoever
         must not be kept from live points by closing elements all the time. [s]
+
+        ``give_way`` is called every few milliseconds, so that live points need not wait for elements. It is given what
+        has happened so far; when it has taken that out of the list and published it, it may call ``receive``. Elements
+        that are being closed take no notice of what comes.
         """
         state, events = self._state, list[Event]()
+        pause = go_on if give_way is None else partial(self._pause, give_way, events)
         self._now_s = self._advanced_s = now_s
         self._clock.start()
         self._begin_block()
         events += self._receive_due(now_s)
         self._start_elements(now_s)
-        # A track that has ended meanwhile has no elements after its end, however long ago that was.
-        until_s = np.minimum(now_s, state.tracks.ends_s())
         left = 2**62 if most is None else most
-        while left > 0 and len(due := self._due(until_s, few_wait_s)):
+        while left > 0 and len(due := self._due(now_s, few_wait_s)):
             if len(due) > left:
                 due = np.sort(due[np.argpartition(state.elements.due_s[due], left)[:left]])
             left -= len(due)
-            events += self._close_all(due)
+            events += self._close_all(due, pause)
         events += ageing.coast(state, now_s)
         events += self._terminate(now_s)
         self._clock.lap("ageing", 1)
         if now_s - self._slow_s >= SLOW_PERIOD_S:
             self._slow_s = now_s
+            pause()
             self._registration.advance(now_s=now_s)
             self._receiver.believing.moved(recentre(state))
             self._receiver.check(now_s)
@@ -152,14 +165,22 @@ class FusionEngine:
             state.elements.wait_s = state.lateness.follow()
         return events
 
-    def _due(self, until_s: Array, few_wait_s: float) -> Ints:
+    def _pause(self, give_way: Callable[[list[Event]], None], events: list[Event]) -> None:
+        """Give way, which is no part of the stage that it interrupts."""
+        spent_s = self._clock.since_s()
+        give_way(events)
+        self._clock.start(spent_s)
+
+    def _due(self, now_s: float, few_wait_s: float) -> Ints:
         """Slots of the elements to close now; they wait a moment for others, which makes them cheaper."""
         elements = self._state.elements
+        # A track that has ended meanwhile has no elements after its end, however long ago that was.
+        until_s = np.minimum(now_s, self._state.tracks.ends_s())
         due = np.flatnonzero(elements.open & (elements.due_s <= until_s))
         wait_s = few_wait_s if len(due) < FEW else 0.0
         if len(due) < LANES and np.count_nonzero(elements.open) >= LANES:
             wait_s = max(wait_s, GATHER_S)
-        waits = self._now_s - elements.due_s[due].min(initial=math.inf) < wait_s
+        waits = now_s - elements.due_s[due].min(initial=math.inf) < wait_s
         return due[:0] if waits else due
 
     def finish(self, *, now_s: float, most: int | None = None) -> list[Event]:
@@ -242,17 +263,17 @@ class FusionEngine:
                 return events
             events += self._close_all(slots)
 
-    def _close_all(self, slots: Ints) -> list[Event]:
+    def _close_all(self, slots: Ints, pause: Callable[[], None] = go_on) -> list[Event]:
         events: list[Event] = []
         for part in np.array_split(slots, math.ceil(len(slots) / LANES)):
-            events += self._close(part)
+            events += self._close(part, pause)
         return events
 
-    def _close(self, slots: Ints) -> list[Event]:
+    def _close(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:
         """Close one element of each track and publish it."""
         state = self._state
         self._clock.lap("elements due", 1)
-        closed = state.elements.close(slots, state.buffers.rows)
+        closed = state.elements.close(slots, state.buffers.rows, pause)
         self._clock.lap("estimate", len(slots))
         fused = fusion.fuse(closed, self.settings)
         state.elements.note_published(closed.slots, fused.position_m)
@@ -266,11 +287,13 @@ class FusionEngine:
         number, frame = state.tracks.number[closed.slots], state.tracks.frame[closed.slots]
         state.element_log.add(closed, number, frame, points, fused.half_width_m, fused.reason)
         self._clock.lap("element points", len(slots))
+        pause()
         if self._registration.radars.any():
             trusted = self._receiver.believing.trusted(closed.slots)
             comparisons = compare(state, closed, vertical, self._sampler, self._now_s, trusted)
             if comparisons is not None:
                 self._registration.update(comparisons)
+                pause()
                 learn_latencies(state, closed.slots, comparisons, self._registration)
             self._clock.lap("bias estimate", len(slots))
         events: list[Event] = [points]

@@ -96,9 +96,13 @@ class StageClock:
         self._units: dict[str, int] = defaultdict(int)
         self._last_s = 0.0
 
-    def start(self) -> None:
-        """The next ``lap`` counts from here."""
-        self._last_s = self._clock_s()
+    def start(self, already_s: float = 0.0) -> None:
+        """The next ``lap`` counts from here, and what has been spent on it before."""
+        self._last_s = self._clock_s() - already_s
+
+    def since_s(self) -> float:
+        """What has passed since the last lap. [s]"""
+        return self._clock_s() - self._last_s
 
     def lap(self, stage: str, units: int) -> None:
         """What has passed since the last lap was spent on this stage."""

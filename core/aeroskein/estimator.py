@@ -8,6 +8,7 @@ The boundary lines gate first, in axes along and across the flight; then the sta
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -24,12 +25,16 @@ from aeroskein.plots import Array, Bools, Ints
 from aeroskein.reasons import Reason
 from aeroskein.windows import CENTRE, REPORT, SETTLED, Window
 
-__all__ = ["estimate"]
+__all__ = ["estimate", "go_on"]
 
 # White jerk along and across the flight, as shares of the density that the detector asks for: thrust changes slowly,
 # bank fast.
 ALONG_SHARE: Final = 0.25
 ACROSS_SHARE: Final = 2.5
+
+
+def go_on() -> None:
+    """Give way to nobody."""
 
 
 @dataclass(slots=True)
@@ -100,8 +105,9 @@ class _Forward:
         self.velocity = np.ones((2, *window.kind.shape))
         self.distance2 = np.zeros(window.kind.shape)
 
-    def run(self, q: Array) -> None:
+    def run(self, q: Array, give_way: Callable[[], None]) -> None:
         for k, m in enumerate(self.window.active):
+            give_way()
             x, P = self.x[:, :m], self.P[:, :m]
             time = self.window.time_s[k, :m]
             h = time - self.t[:m]
@@ -211,7 +217,15 @@ def _widen(P: Array, i: kalman.Innovation, where: Bools) -> None:
     P[[12, 17]] += astray_velocity_variance(off)
 
 
-def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: GateMemory) -> Estimate:
+def estimate(
+    window: Window,
+    q: Array,
+    x: Array,
+    P: Array,
+    t: Array,
+    memory: GateMemory,
+    give_way: Callable[[], None] = go_on,
+) -> Estimate:
     """Estimate the state at the centre of each lane's element.
 
     Parameters
@@ -224,15 +238,18 @@ def estimate(window: Window, q: Array, x: Array, P: Array, t: Array, memory: Gat
         Settled state and its time, in the window's order of lanes; overwritten.
     memory : GateMemory
         Gates at the settled time, in the window's order of lanes; overwritten.
+    give_way : callable
+        Called between rounds.
     """
     forward = _Forward(window, x, P, t, memory)
-    forward.run(q)
+    forward.run(q, give_way)
     kind = window.kind
     n = kind.shape[1]
     adjoint = Adjoint(n)
     centre = Adjoint(n)
     first_centre = int((kind == CENTRE).argmax(axis=0).min()) if n else 0
     for k in range(len(forward.steps) - 1, first_centre - 1, -1):
+        give_way()
         step = forward.steps[k]
         part = adjoint.lanes(step.lanes)
         at = np.flatnonzero(kind[k, : step.lanes] == CENTRE)

@@ -63,7 +63,7 @@ class Receiver:
         batch, named = self.identity.assign(batch, verdicts, now_s)
         verdicts.slot[batch.rows] = batch.slot
         self._clock.lap("identity", len(rows))
-        batch = batch.without(batch.plots.time_s <= state.elements.settled_s[batch.slot], Reason.LATE, verdicts)
+        batch = batch.without(batch.plots.time_s <= state.elements.late_s[batch.slot], Reason.LATE, verdicts)
         reports = self._measured(batch)
         # Registration compares ranges: what may be another aircraft's has none.
         reports.range_m[_among(batch.rows, named.unsure)] = np.nan

@@ -35,6 +35,8 @@ STEP_S: Final = 0.7
 # Input may wait this long for elements that are due. Else they get this share of the time that input takes, and as much
 # as it takes when they are late; what one of them has had too much is forgotten beyond a few portions. [s]
 WAITS_S: Final = 0.02
+# A pass that closes many elements for a busy worker is interrupted by input that has waited so long. [s]
+INTERRUPTS_S: Final = 0.1
 SHARE: Final = 0.5
 LATE_S: Final = 2.0
 OWED_S: Final = 0.25
@@ -81,6 +83,11 @@ class Pace:
         """How long to rest before input is taken again. [s]"""
         share = (self._busy - RESTS_FROM) / (RESTS_MOST_AT - RESTS_FROM)
         return LINGER_S * min(max(share, 0.0), 1.0) * min(self._taken / GATHERS, 1.0)
+
+    @property
+    def patience_while_closing_s(self) -> float:
+        """How long input may wait while elements close: the busier the worker, the more is taken in at a time. [s]"""
+        return INTERRUPTS_S if self.busy else self.linger_s
 
     def took_in(self, spent_s: float, late_s: float) -> None:
         """Note how long input was worked on, and how long the oldest element has been due."""

@@ -93,6 +93,8 @@ class Runner:
         self._advance_from_s = self._next_advance_s = self._take_from_s = start_s
         self._pace = Pace(patience_s)
         self._delay_s = self._thinning_s = 0.0
+        # What input has taken in the midst of a pass [s], and bytes of input in this turn.
+        self._given_s, self._taken = 0.0, 0
         self._log = structlog.get_logger("aeroskein.runner")
         self._complaints = Complaints(self._log)
         self._stopping = threading.Event()
@@ -172,14 +174,8 @@ class Runner:
     def _turn(self, arrivals: Sequence[Arrival]) -> None:
         self.turned_s = began_s = monotonic()
         now_s = self._clock()
-        plots = self._decode(arrivals)
         self._engine.want_dispositions = self._outlet.dispositions_wanted
-        if len(plots):
-            with self._stages.measure("engine", len(plots)):
-                events = self._engine.receive(plots, now_s=now_s)
-            self._publish(events)
-        if arrivals:
-            self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
+        self._receive(arrivals, now_s)
         self._pace.took_in(monotonic() - began_s, now_s - self._deadline_s)
         if monotonic() >= self._next_advance_s:
             self._advance()
@@ -192,8 +188,19 @@ class Runner:
         if monotonic() >= self._next_status_s:
             self._every_second(now_s)
         ended_s = monotonic()
-        self._pace.worked(began_s, ended_s, sum(len(arrival.payload) for arrival in arrivals))
+        self._pace.worked(began_s, ended_s, self._taken)
+        self._taken = 0
         self._take_from_s = ended_s + self._pace.linger_s
+
+    def _receive(self, arrivals: Sequence[Arrival], now_s: float) -> None:
+        plots = self._decode(arrivals)
+        if len(plots):
+            with self._stages.measure("engine", len(plots)):
+                events = self._engine.receive(plots, now_s=now_s)
+            self._publish(events)
+        if arrivals:
+            self._delay_s = max(self._delay_s, self._clock() - arrivals[0].received_s)
+        self._taken += sum(len(arrival.payload) for arrival in arrivals)
 
     def _advance(self) -> None:
         """Let time pass while elements may come before input, for a tick at most; what is then still due comes next."""
@@ -201,14 +208,27 @@ class Runner:
         most = ELEMENTS_WHEN_BUSY if self._pace.busy else ELEMENTS
         more = True
         while more and monotonic() - began_s < TICK_S and self._pace.may_close(self._waited_s()):
-            start_ns = perf_counter_ns()
-            events = self._engine.advance(now_s=self._clock(), most=most, few_wait_s=FEW_WAIT_S)
-            closed = _elements(events)
-            self._stages.add("advance", perf_counter_ns() - start_ns, closed)
-            self._publish(events)
-            self._pace.closed((perf_counter_ns() - start_ns) * 1e-9)
+            start_s, before, self._given_s = monotonic(), self._counters.points[Product.ELEMENT], 0.0
+            self._publish(
+                self._engine.advance(now_s=self._clock(), most=most, few_wait_s=FEW_WAIT_S, give_way=self._give_way)
+            )
+            closed = self._counters.points[Product.ELEMENT] - before
+            spent_s = monotonic() - start_s - self._given_s
+            self._stages.add("advance", int(1e9 * spent_s), closed)
+            self._pace.closed(spent_s)
             more = closed >= most
         self._advance_from_s = began_s if more else began_s + TICK_S
+
+    def _give_way(self, events: list[Event]) -> None:
+        """Between the rounds of closing elements: input that has waited long enough, after what came out before it."""
+        if self._given_s > TICK_S or self._waited_s() <= self._pace.patience_while_closing_s:
+            return
+        began_s = monotonic()
+        self._publish(events)
+        events.clear()
+        self._receive(self._inbox.take(TURN_BYTES), self._clock())
+        self._given_s += monotonic() - began_s
+        self._pace.took_in(monotonic() - began_s, self._clock() - self._deadline_s)
 
     def _drain(self) -> None:
         ends_s = monotonic() + DRAIN_S

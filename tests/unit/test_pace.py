@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from aeroskein_service.pace import LINGER_S, TURN_BYTES, Pace
+from aeroskein_service.pace import INTERRUPTS_S, LINGER_S, TURN_BYTES, Pace
 
 PATIENCE_S = 1.0
 
@@ -124,3 +124,11 @@ def test_a_long_rest_of_either_is_forgotten():
     for _ in range(6):
         idle.took_in(0.1, 0.0)
     assert idle.may_close(waited_s=1.0)
+
+
+def test_input_interrupts_a_pass_at_once_under_light_load_and_later_the_busier_the_worker():
+    assert Pace(PATIENCE_S).patience_while_closing_s == 0.0
+    assert worked(0.3).patience_while_closing_s == 0.0
+    waits = [worked(busy).patience_while_closing_s for busy in (0.55, 0.65, 0.99)]
+    assert waits == sorted(waits)
+    assert 0.0 < waits[0] < waits[-1] == INTERRUPTS_S
