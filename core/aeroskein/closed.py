@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,8 @@ class Closed:
         The reports, lanes in the order of ``slots``.
     before : (4, n)
         The places of the two elements before, the older one first; NaN where there is none. [m]
+    inside : (K, n) bool
+        Which reports lie in the element itself.
     """
 
     slots: Ints
@@ -77,9 +79,8 @@ class Closed:
     estimate: Estimate
     window: Window
     before: Array
+    inside: Bools = field(init=False)
 
-    def in_span(self) -> Bools:
-        """Which reports lie in the element itself, ``(K, n)``."""
+    def __post_init__(self) -> None:
         time = self.window.time_s
-        inside: Bools = self.window.reported & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])
-        return inside
+        self.inside = self.window.reported & (time >= self.span_s[:, 0]) & (time < self.span_s[:, 1])

@@ -32,7 +32,7 @@ def of_batch(plots: Plots, verdicts: Verdicts, tracks: TrackTable) -> Dispositio
 
 def of_elements(closed: Closed, fused: Fused, tracks: TrackTable) -> Dispositions:
     """One row per report in the span of a closed element; times are corrected for registration."""
-    event, lane = np.nonzero(closed.in_span())
+    event, lane = np.nonzero(closed.inside)
     slots, window = closed.slots[lane], closed.window
     return Dispositions(
         sensor=window.sensor_index[event, lane].astype(np.int16),

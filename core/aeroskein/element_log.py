@@ -111,7 +111,7 @@ class ElementLog:
             What became of the reports in the span.
         """
         w = closed.window
-        lane, event = np.nonzero(closed.in_span().T)
+        lane, event = np.nonzero(closed.inside.T)
         reports = np.empty(len(lane), dtype=_REPORT)
         reports["sensor"], reports["reason"] = w.sensor_index[event, lane], reason[event, lane]
         reports["after_s"] = w.time_s[event, lane] - closed.span_s[lane, 0]

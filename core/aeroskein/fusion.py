@@ -92,7 +92,7 @@ def _widest(closed: Closed, inside: Bools) -> Array:
 
 def _information(closed: Closed) -> Fused:
     e = closed.estimate
-    inside = closed.in_span()
+    inside = closed.inside
     guarded = diverged(closed) | (turns_back(closed.before, e.x[:2]) & ~turns_back(closed.before, e.filtered_x[:2]))
     x = np.where(guarded, e.filtered_x, e.x)
     covariance = [
@@ -145,7 +145,7 @@ def _report_covariance(window: Window, x: Array) -> tuple[Array, Array, Array]:
 
 def _weighted(closed: Closed) -> Fused:
     e, w = closed.estimate, closed.window
-    inside = closed.in_span()
+    inside = closed.inside
     accepted = inside & (e.reason == 0)
     ree, ren, rnn = _report_covariance(w, e.x)
     weight = np.where(accepted, 1.0 / (ree + rnn), 0.0)
@@ -174,7 +174,7 @@ def _weighted(closed: Closed) -> Fused:
 
 def _patent(closed: Closed, half_width_m: float, chord: bool) -> Fused:
     e, w = closed.estimate, closed.window
-    inside = closed.in_span()
+    inside = closed.inside
     axis, times = _axis(closed, chord)
     stations = axis_stations(axis)
     points = np.stack([w.east_m.T, w.north_m.T], axis=2)

@@ -115,7 +115,7 @@ def element_vertical(state: EngineState, closed: Closed) -> Vertical:
     is_report = window.reported
     altitude_m = np.where(is_report, window.altitude_m, np.nan)
     height_m = np.where(is_report, window.height_m, np.nan)
-    both = closed.in_span() & np.isfinite(altitude_m) & np.isfinite(height_m)
+    both = closed.inside & np.isfinite(altitude_m) & np.isfinite(height_m)
     count = both.sum(axis=0)
     total = np.where(both, height_m - altitude_m, 0.0).sum(axis=0)
     difference = np.where(count > 0, total / np.maximum(count, 1), np.nan)

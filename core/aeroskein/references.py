@@ -94,7 +94,7 @@ def compare(
     """
     window = closed.window
     sensor = window.sensor_index
-    is_plot = closed.in_span() & state.sensors.is_radar[sensor] & np.isfinite(window.range_m)
+    is_plot = closed.inside & state.sensors.is_radar[sensor] & np.isfinite(window.range_m)
     # Plots that the estimator refused are compared too: a radar whose bias has jumped is refused throughout.
     event, lane = np.nonzero(is_plot)
     chosen = sampler.some(sensor[event, lane], state.tracks.number[closed.slots[lane]], now_s)

@@ -263,7 +263,7 @@ def test_tracks_close_side_by_side_as_alone() -> None:
             plain.close(closed.estimate.x[:, lane], one.estimate.x[:, 0], rtol=1e-12)
             plain.close(closed.estimate.P[lane], one.estimate.P[0], rtol=1e-11)
             assert np.array_equal(closed.span_s[lane], one.span_s[0])
-            assert closed.in_span()[:, lane].sum() == one.in_span()[:, 0].sum()
+            assert closed.inside[:, lane].sum() == one.inside[:, 0].sum()
 
 
 def test_without_reports_elements_go_on_and_grow_uncertain() -> None:
@@ -273,7 +273,7 @@ def test_without_reports_elements_go_on_and_grow_uncertain() -> None:
 
     sizes = [np.trace(c.estimate.P[0, :2, :2]) for c in closed]
     assert all(b > a for a, b in pairwise(sizes[2:]))
-    assert [bool(c.in_span().any()) for c in closed] == [True, True, False, False, False, False]
+    assert [bool(c.inside.any()) for c in closed] == [True, True, False, False, False, False]
 
 
 def test_stopped_tracks_are_never_due() -> None:
