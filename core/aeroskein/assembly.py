@@ -12,6 +12,7 @@ from aeroskein.frames import FrameTable
 from aeroskein.plots import Array, Ints
 from aeroskein.points import FusedPoints, Product
 from aeroskein.tracks import TrackTable
+from aeroskein.units import wrap_azimuth_deg
 
 __all__ = ["PlaneState", "assemble"]
 
@@ -66,7 +67,6 @@ def assemble(
     height = np.where(np.isnan(state.height_m), state.altitude_m, state.height_m)
     back = geodesy.invert_axes(geodesy.local_axes(rows, lat, lon, height))
     east, north = geodesy.rotate_vector(back, state.x[2], state.x[3])
-    angle = np.degrees(np.arctan2(east, north)) % 360.0
     return FusedPoints(
         product=product,
         slot=slots,
@@ -82,7 +82,7 @@ def assemble(
         altitude_m=state.altitude_m,
         height_m=state.height_m,
         ground_speed_mps=np.hypot(east, north),
-        track_angle_deg=np.where(angle >= 360.0, 0.0, angle),
+        track_angle_deg=wrap_azimuth_deg(np.degrees(np.arctan2(east, north))),
         vertical_rate_mps=state.vertical_rate_mps,
         position_cov_m2=geodesy.rotate_covariance(back, state.position_cov.T),
         velocity_cov_m2ps2=geodesy.rotate_covariance(back, state.velocity_cov.T),

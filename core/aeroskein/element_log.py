@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -39,6 +40,7 @@ _REPORT: Final = np.dtype(
 )  # fmt: skip
 
 
+@cache
 def _element_dtype(sensors: int) -> np.dtype[Any]:
     """An element with its fused point; its reports are ``reports`` rows from ``first`` on."""
     return np.dtype(
@@ -113,9 +115,10 @@ class ElementLog:
         w = closed.window
         lane, event = np.nonzero(closed.inside.T)
         reports = np.empty(len(lane), dtype=_REPORT)
-        reports["sensor"], reports["reason"] = w.sensor_index[event, lane], reason[event, lane]
-        reports["after_s"] = w.time_s[event, lane] - closed.span_s[lane, 0]
-        reports["east_m"], reports["north_m"] = w.east_m[event, lane], w.north_m[event, lane]
+        at = event * len(closed.slots) + lane
+        reports["sensor"], reports["reason"] = w.sensor_index.take(at), reason.take(at)
+        reports["after_s"] = w.time_s.take(at) - closed.span_s[lane, 0]
+        reports["east_m"], reports["north_m"] = w.east_m.take(at), w.north_m.take(at)
         count = np.bincount(lane, minlength=len(closed.slots))
         rows = np.empty(len(closed.slots), dtype=_element_dtype(points.sources.shape[1]))
         columns = {

@@ -86,27 +86,29 @@ def fuse(closed: Closed, settings: EngineSettings) -> Fused:
 
 def _widest(closed: Closed, inside: Bools) -> Array:
     """The element's boundary lines hold all its reports: the widest of their half widths. [m]"""
-    width = np.where(inside, closed.estimate.half_width_m, 0.0)
-    return np.asarray(np.nan_to_num(width).max(axis=0, initial=0.0))
+    width: Array = np.fmax.reduce(closed.estimate.half_width_m, axis=0, initial=0.0, where=inside)
+    return width
 
 
 def _information(closed: Closed) -> Fused:
     e = closed.estimate
     inside = closed.inside
-    guarded = diverged(closed) | (turns_back(closed.before, e.x[:2]) & ~turns_back(closed.before, e.filtered_x[:2]))
-    x = np.where(guarded, e.filtered_x, e.x)
-    covariance = [
-        np.where(guarded, e.filtered_covariance[row], e.P[:, i, j])
-        for row, i, j in ((0, 0, 0), (1, 0, 1), (7, 1, 1), (12, 2, 2), (13, 2, 3), (17, 3, 3))
-    ]
+    guarded = turns_back(closed.before, e.x[:2])
+    if guarded.any():
+        guarded &= ~turns_back(closed.before, e.filtered_x[:2])
+    guarded |= diverged(closed)
+    x, covariance = e.x[:4], e.P[:, [0, 0, 1, 2, 2, 3], [0, 1, 1, 2, 3, 3]].T
+    if guarded.any():
+        x = np.where(guarded, e.filtered_x[:4], x)
+        covariance = np.where(guarded, e.filtered_covariance[[0, 1, 7, 12, 13, 17]], covariance)
     return Fused(
         closed.centre_s,
         x[:2],
-        np.stack(covariance[:3]),
-        x[2:4],
-        np.stack(covariance[3:]),
+        covariance[:3],
+        x[2:],
+        covariance[3:],
         inside & (e.reason == 0),
-        np.where(inside, e.reason, 0).astype(np.uint8),
+        e.reason * inside,
         _widest(closed, inside),
         guarded,
     )
@@ -120,20 +122,22 @@ def diverged(closed: Closed) -> Bools:
     """
     e, w = closed.estimate, closed.window
     accepted = (w.kind == REPORT) & (e.reason == 0)
-    newest = accepted & (np.cumsum(accepted[::-1], axis=0)[::-1] <= NEWEST)
-    surprise = np.where(newest, np.sqrt(np.maximum(e.distance2, 0.0)), 0.0).sum(axis=0)
+    newest = accepted
+    if len(accepted) > NEWEST:
+        newest = accepted & (np.cumsum(accepted[::-1], axis=0)[::-1] <= NEWEST)
+    surprise = np.sqrt(np.maximum(np.where(newest, e.distance2, 0.0), 0.0)).sum(axis=0)
     count = newest.sum(axis=0)
-    h = np.where(accepted, w.time_s - closed.centre_s, 0.0)
+    h = w.time_s - closed.centre_s
     vx, vy = e.x[2] + h * e.x[4], e.x[3] + h * e.x[5]
-    speed = np.hypot(vx, vy)
-    near = accepted & (np.abs(h) <= NEAR_S) & (speed >= SLOWEST_MPS)
-    across_e, across_n = -vy / np.maximum(speed, SLOWEST_MPS), vx / np.maximum(speed, SLOWEST_MPS)
-    east = np.where(near, w.east_m - e.x[0] - h * (e.x[2] + 0.5 * h * e.x[4]), 0.0)
-    north = np.where(near, w.north_m - e.x[1] - h * (e.x[3] + 0.5 * h * e.x[5]), 0.0)
-    beside = across_e * east + across_n * north
-    variance = across_e**2 * w.r_ee + 2.0 * across_e * across_n * w.r_en + across_n**2 * w.r_nn
-    far = near & (beside**2 > BESIDE_SIGMAS**2 * np.where(near, variance, 1.0))
-    one_side = np.maximum((far & (beside > 0.0)).sum(axis=0), (far & (beside < 0.0)).sum(axis=0))
+    near = accepted & (np.abs(h) <= NEAR_S) & (vx * vx + vy * vy >= SLOWEST_MPS**2)
+    east = w.east_m - e.x[0] - h * (e.x[2] + 0.5 * h * e.x[4])
+    north = w.north_m - e.x[1] - h * (e.x[3] + 0.5 * h * e.x[5])
+    # Distance across the flight and its variance, times the speed and its square, which saves dividing by them.
+    beside = vx * north - vy * east
+    variance = vy * vy * w.r_ee - 2.0 * vx * vy * w.r_en + vx * vx * w.r_nn
+    far = near & (beside * beside > BESIDE_SIGMAS**2 * variance)
+    left = beside > 0.0
+    one_side = np.maximum((far & left).sum(axis=0), (far & ~left).sum(axis=0))
     return np.asarray((one_side >= FEWEST) | ((count >= FEWEST) & (surprise > MEAN_DISTANCE * count)))
 
 

@@ -64,19 +64,25 @@ class MasterChoice:
         (n,) int16
             Sensor index, -1 where every sensor is silent.
         """
-        last, run, trace = self.last_s[slots], self.run[slots], self.trace_m2[slots]
-        for s in range(last.shape[1]):
-            of_sensor = accepted & (sensor == s)
-            count = of_sensor.sum(axis=0)
-            # Windows overlap: what an earlier element has counted is not counted again.
-            fresh = of_sensor & (time_s > last[:, s])
-            more = fresh.sum(axis=0)
-            first = np.where(fresh, time_s, np.inf).min(axis=0, initial=np.inf)
-            silent = first - last[:, s] > self._silent_after_s[s]
-            run[:, s] = np.where(more > 0, np.where(silent, 0, run[:, s]) + more, run[:, s])
-            last[:, s] = np.maximum(last[:, s], np.where(of_sensor, time_s, -np.inf).max(axis=0, initial=-np.inf))
-            mean = np.where(of_sensor, trace_m2, 0.0).sum(axis=0) / np.maximum(count, 1)
-            trace[:, s] = np.where(count > 0, mean, trace[:, s])
+        last, trace = self.last_s[slots], self.trace_m2[slots]
+        n, sensors = last.shape
+        event, lane = np.nonzero(accepted)
+        at = event * n + lane
+        # Every report's place in tables of lanes and sensors.
+        time_s, place = time_s.take(at), lane * sensors + sensor.take(at)
+        count = np.bincount(place, minlength=last.size).reshape(n, sensors)
+        total = np.bincount(place, weights=trace_m2.take(at), minlength=last.size).reshape(n, sensors)
+        np.divide(total, count, out=trace, where=count > 0)
+        # Windows overlap: what an earlier element has counted is not counted again.
+        fresh = time_s > last.take(place)
+        place, time_s = place[fresh], time_s[fresh]
+        more = np.bincount(place, minlength=last.size).reshape(n, sensors)
+        first, newest = np.full(last.size, np.inf), last.ravel()
+        np.minimum.at(first, place, time_s)
+        silent = first.reshape(n, sensors) - last > self._silent_after_s
+        np.maximum.at(newest, place, time_s)
+        last = newest.reshape(n, sensors)
+        run = np.where(silent & (more > 0), 0, self.run[slots]) + more
         self.last_s[slots], self.run[slots], self.trace_m2[slots] = last, np.minimum(run, 1000), trace
         alive = end_s[:, None] - last <= self._silent_after_s
         # A newcomer waits, unless nobody else is there.

@@ -92,7 +92,7 @@ def element_points(
         if state.settings.fusion.mode == "patent":
             velocity_cov = np.full((3, n), np.nan)
     flags = tracks.flags[slots].copy()
-    flags[sources.sum(axis=1) == 0] |= np.uint16(Flag.COASTED)
+    flags[~fused.accepted.any(axis=0)] |= np.uint16(Flag.COASTED)
     flags[fused.guarded] |= np.uint16(Flag.GUARDED)
     return assemble(
         Product.ELEMENT, slots, PlaneState(fused.time_s, x, fused.position_cov, velocity_cov, *vertical),
@@ -102,7 +102,7 @@ def element_points(
         span_s=closed.span_s,
         master=master,
         sources=sources,
-        rejected=(fused.reason > 0).sum(axis=0).astype(np.int32),
+        rejected=(fused.reason > 0).sum(axis=0, dtype=np.int32),
         input_received_s=np.full(n, np.nan),
         status=tracks.status[slots],
         flags=flags,
@@ -115,17 +115,19 @@ def element_vertical(state: EngineState, closed: Closed) -> Vertical:
     is_report = window.reported
     altitude_m = np.where(is_report, window.altitude_m, np.nan)
     height_m = np.where(is_report, window.height_m, np.nan)
-    both = closed.inside & np.isfinite(altitude_m) & np.isfinite(height_m)
+    apart_m = height_m - altitude_m
+    both = closed.inside & np.isfinite(apart_m)
     count = both.sum(axis=0)
-    total = np.where(both, height_m - altitude_m, 0.0).sum(axis=0)
+    total = np.where(both, apart_m, 0.0).sum(axis=0)
     difference = np.where(count > 0, total / np.maximum(count, 1), np.nan)
     frames = state.frames.rows[state.tracks.frame[slots]]
     state.offsets.learn(slots, *geodesy.from_plane(frames, closed.estimate.x[0], closed.estimate.x[1]), difference)
     offset = state.offsets.own_m[slots]
-    barometric = np.isfinite(altitude_m).any(axis=0) | np.isfinite(offset)
-    value = np.where(np.isnan(altitude_m), height_m - np.where(barometric, offset, 0.0), altitude_m)
+    has_altitude = np.isfinite(altitude_m)
+    barometric = has_altitude.any(axis=0) | np.isfinite(offset)
+    value = np.where(has_altitude, altitude_m, height_m - np.where(barometric, offset, 0.0))
     rate = np.where(is_report, window.vertical_rate_mps, np.nan)
-    sigma = state.sensors.altitude_sigma_m[window.sensor_index]
+    sigma = state.sensors.altitude_sigma_m.take(window.sensor_index)
     fitted, slope, _ = fit_at(closed.centre_s, window.time_s, value, rate, sigma)
     altitude, height = np.where(barometric, fitted, np.nan), np.where(barometric, fitted + offset, fitted)
     unknown = np.isnan(fitted)

@@ -169,31 +169,36 @@ def fit_at(
         NaN where no report carries an altitude. [m, m/s, m]
     """
     dt = time_s - centre_s
-    wander = ACCELERATION_DENSITY * np.abs(dt) ** 3 / 3.0
+    apart = np.abs(dt)
     has_value, has_rate = np.isfinite(value_m), np.isfinite(rate_mps)
-    w = np.where(has_value, 1.0 / (sigma_m**2 + wander), 0.0)
-    u = np.where(has_rate, 1.0 / (RATE_SIGMA_MPS**2 + ACCELERATION_DENSITY * np.abs(dt)), 0.0)
+    w = np.where(has_value, 1.0 / (sigma_m**2 + ACCELERATION_DENSITY / 3.0 * apart * apart * apart), 0.0)
+    u = np.where(has_rate, 1.0 / (RATE_SIGMA_MPS**2 + ACCELERATION_DENSITY * apart), 0.0)
     z, rate = np.where(has_value, value_m, 0.0), np.where(has_rate, rate_mps, 0.0)
     # Around a first guess, so that the sums keep their digits.
     middle = (w * z).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-12)
-    lanes = np.arange(len(centre_s))
-    for left in range(MOST_OUTLIERS, -1, -1):
-        a = w.sum(axis=0)
-        b = (w * dt).sum(axis=0)
-        c = (w * dt * dt).sum(axis=0) + u.sum(axis=0) + 1.0 / START_RATE_SIGMA_MPS**2
-        y0 = (w * (z - middle)).sum(axis=0)
-        y1 = (w * dt * (z - middle)).sum(axis=0) + (u * rate).sum(axis=0)
-        determinant = np.where(a > 0.0, a * c - b * b, 1.0)
-        value = middle + (c * y0 - b * y1) / determinant
-        slope = (a * y1 - b * y0) / determinant
-        distance = (z - value - slope * dt) ** 2 * w
-        if left == 0 or not (distance > GATE).any():
+    z -= middle
+    lanes, fit = np.arange(len(centre_s)), _line(dt, w, z, u, rate)
+    found = fit
+    for _ in range(MOST_OUTLIERS):
+        distance = (z - fit[0] - fit[1] * dt) ** 2 * w
+        far = np.flatnonzero(distance.max(axis=0) > GATE)
+        if not len(far):
             break
-        worst = distance.argmax(axis=0)
-        w[worst, lanes] = np.where(distance[worst, lanes] > GATE, 0.0, w[worst, lanes])
-    known = a > 0.0
-    return (
-        np.where(known, value, np.nan),
-        np.where(known, slope, np.nan),
-        np.where(known, np.sqrt(c / determinant), np.nan),
-    )
+        # Only these are fitted again.
+        lanes, worst = lanes[far], distance[:, far].argmax(axis=0)
+        dt, w, z, u, rate = dt[:, far], w[:, far], z[:, far], u[:, far], rate[:, far]
+        w[worst, np.arange(len(far))] = 0.0
+        fit = _line(dt, w, z, u, rate)
+        found[:, lanes] = fit
+    return middle + found[0], found[1], np.sqrt(found[2])
+
+
+def _line(dt: Array, w: Array, z: Array, u: Array, rate: Array) -> Array:
+    """Value, slope and variance of the value ``(3, n)`` of lines through values ``z`` with weights ``w`` and slopes
+    ``rate`` with weights ``u``, ``(K, n)`` each; NaN where no value counts."""
+    w_dt = w * dt
+    a, b = w.sum(axis=0), w_dt.sum(axis=0)
+    c = (w_dt * dt).sum(axis=0) + u.sum(axis=0) + 1.0 / START_RATE_SIGMA_MPS**2
+    y0, y1 = (w * z).sum(axis=0), (w_dt * z).sum(axis=0) + (u * rate).sum(axis=0)
+    determinant = np.where(a > 0.0, a * c - b * b, np.nan)
+    return np.stack([c * y0 - b * y1, a * y1 - b * y0, c]) / determinant
