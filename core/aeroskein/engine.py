@@ -39,9 +39,10 @@ from aeroskein.settings import EngineSettings
 __all__ = ["ElementRecord", "FusionEngine"]
 
 # Elements closed in one pass: more would leave the cache, fewer would pay the fixed cost of a pass more often.
-LANES: Final = 1024
-# Where that many aircraft fly, fewer elements than that wait so long for others. [s]
-GATHER_S: Final = 0.2
+LANES: Final = 2048
+# Where so many aircraft fly, elements wait so long for others, until a pass is full. [s]
+MANY: Final = 1024
+GATHER_S: Final = 0.5
 # A pass for fewer elements than this takes no less time.
 FEW: Final = 64
 # Biases drift and aircraft leave their planes slowly; once a second is often enough. [s]
@@ -153,7 +154,7 @@ class FusionEngine:
             left -= len(due)
             events += self._close_all(due, pause)
         events += ageing.coast(state, now_s)
-        events += self._terminate(now_s)
+        events += self._terminate(now_s, pause)
         self._clock.lap("ageing", 1)
         if now_s - self._slow_s >= SLOW_PERIOD_S:
             self._slow_s = now_s
@@ -178,7 +179,7 @@ class FusionEngine:
         until_s = np.minimum(now_s, self._state.tracks.ends_s())
         due = np.flatnonzero(elements.open & (elements.due_s <= until_s))
         wait_s = few_wait_s if len(due) < FEW else 0.0
-        if len(due) < LANES and np.count_nonzero(elements.open) >= LANES:
+        if len(due) < LANES and np.count_nonzero(elements.open) >= MANY:
             wait_s = max(wait_s, GATHER_S)
         waits = now_s - elements.due_s[due].min(initial=math.inf) < wait_s
         return due[:0] if waits else due
@@ -202,12 +203,12 @@ class FusionEngine:
             return []
         return self._receiver.receive(waited, now_s, want_dispositions=self.want_dispositions)
 
-    def _terminate(self, now_s: float) -> list[Event]:
+    def _terminate(self, now_s: float, pause: Callable[[], None]) -> list[Event]:
         state = self._state
         slots = ageing.ended(state, now_s)
         events: list[Event] = []
         if len(slots):
-            events += self._close_rest(slots[state.elements.open[slots]])
+            events += self._close_rest(slots[state.elements.open[slots]], pause)
             state.elements.stop(slots)
             state.tracks.terminate(slots, now_s)
             events.append(ageing.changes(state, slots, now_s))
@@ -254,16 +255,16 @@ class FusionEngine:
         state.live.start(reports.take(begins))
         state.live.receive(reports, begins)
 
-    def _close_rest(self, slots: Ints) -> list[Event]:
+    def _close_rest(self, slots: Ints, pause: Callable[[], None] = go_on) -> list[Event]:
         """Close every element of these tracks that begins before their newest report."""
         state, events = self._state, list[Event]()
         while True:
             slots = slots[state.elements.boundaries_s[slots, 0] < state.tracks.newest_s[slots]]
             if not len(slots):
                 return events
-            events += self._close_all(slots)
+            events += self._close_all(slots, pause)
 
-    def _close_all(self, slots: Ints, pause: Callable[[], None] = go_on) -> list[Event]:
+    def _close_all(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:
         events: list[Event] = []
         for part in np.array_split(slots, math.ceil(len(slots) / LANES)):
             events += self._close(part, pause)

@@ -19,7 +19,7 @@ TURN_BYTES: Final = 500_000
 # How far back the worker looks to say how busy it is. [s]
 BUSY_S: Final = 0.5
 # Below this share of its time it does not rest; at the upper one it rests the longest.
-RESTS_FROM, RESTS_MOST_AT = 0.5, 0.9
+RESTS_FROM, RESTS_MOST_AT = 0.65, 0.95
 LINGER_S: Final = 0.02
 # Above this share it works on as much as it can at a time.
 BUSY_FROM: Final = 0.75
@@ -36,7 +36,7 @@ STEP_S: Final = 0.7
 # as it takes when they are late; what one of them has had too much is forgotten beyond a few portions. [s]
 WAITS_S: Final = 0.02
 # A pass that closes many elements for a busy worker is interrupted by input that has waited so long. [s]
-INTERRUPTS_S: Final = 0.1
+INTERRUPTS_S: Final = 0.05
 SHARE: Final = 0.5
 LATE_S: Final = 2.0
 OWED_S: Final = 0.25

@@ -38,7 +38,7 @@ __all__ = ["Runner"]
 # Elements of many aircraft close together, which costs a fraction of closing them one by one: once in so long, so many
 # at a time, more where the worker is busy. Between two of these input is taken; a handful waits a little longer.
 TICK_S: Final = 0.25
-ELEMENTS, ELEMENTS_WHEN_BUSY = 256, 1024
+ELEMENTS, ELEMENTS_WHEN_BUSY = 1024, 2048
 FEW_WAIT_S: Final = 0.9
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
