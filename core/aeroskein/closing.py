@@ -22,7 +22,7 @@ from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.rings import Rings
 from aeroskein.settings import EngineSettings
-from aeroskein.windows import REPORT, Window, gather
+from aeroskein.windows import NOTHING, REPORT, Window, gather
 
 __all__ = ["ElementTable"]
 
@@ -136,8 +136,8 @@ class ElementTable:
         window = gather(rings, slots, settled, horizon, centre, next_settled)
         order = window.lanes
         slots, boundaries, centre = slots[order], boundaries[order], centre[order]
-        self._detect(slots, window, give_way)
-        _keep_density(rings, slots, window)
+        fresh = self._detect(slots, window, give_way)
+        _keep_density(rings, slots, window, fresh)
         states = np.ascontiguousarray(self.states[slots].T)
         density, gates = _windowed_max(window), self.gates.take(slots)
         result = estimate(window, density, states[:6], states[6:], settled[order], gates, give_way)
@@ -151,18 +151,19 @@ class ElementTable:
         """Remember where the elements that were closed last ``(2, n)`` are shown."""
         self.places_m[slots] = np.concatenate([self.places_m[slots, 2:], position_m.T], axis=1)
 
-    def _detect(self, slots: Ints, window: Window, give_way: Callable[[], None]) -> None:
+    def _detect(self, slots: Ints, window: Window, give_way: Callable[[], None]) -> Bools:
         """Run the detector over reports it has not seen, and note the density of jerk that it finds at each.
 
         Every report is seen once, in order of time; one that comes after the detector has passed its time is not.
+        Returns which were seen, ``(K, n)``.
         """
-        fresh = (window.kind == REPORT) & (window.time_s > self.detector.time_s[slots])
+        fresh: Bools = (window.kind == REPORT) & (window.time_s > self.detector.time_s[slots])
         count = fresh.sum(axis=0)
         density = window.jerk_density
         lanes = np.argsort(-count, kind="stable")
         rounds = int(count.max(initial=0))
         if rounds == 0:
-            return
+            return fresh
         work = self.detector.take(slots[lanes])
         active = [int(m) for m in (count[lanes][:, None] > np.arange(rounds)).sum(axis=0)]
         sensor = window.sensor_index
@@ -182,6 +183,7 @@ class ElementTable:
             work.update(columns, sensor[event, lane], lag, np.ones(m, dtype=np.bool_))
             density[event, lane] = manoeuvre.jerk_density(work.mu[:, :m])
         self.detector.put(slots[lanes], work)
+        return fresh
 
     def _settle(self, slots: Ints, settled_s: Array, result: Estimate) -> None:
         self.settled_s[slots] = settled_s
@@ -203,23 +205,27 @@ class ElementTable:
         self.index[slots] += 1
 
 
-def _keep_density(rings: Rings, slots: Ints, window: Window) -> None:
+def _keep_density(rings: Rings, slots: Ints, window: Window, fresh: Bools) -> None:
     """The detector passes each report once; later windows find here what it found."""
-    event, lane = np.nonzero(window.kind == REPORT)
+    event, lane = np.nonzero(fresh)
     rings.set_column("jerk_density", slots[lane], window.place[event, lane], window.jerk_density[event, lane])
 
 
 def _windowed_max(window: Window) -> Array:
     """For each event the largest density from just before it until a manoeuvre must have shown, ``(K, n)``. [m²/s⁵]"""
-    time = window.time_s
+    # What is no event is near nothing.
+    time = np.where(window.kind == NOTHING, np.nan, window.time_s)
     density = np.where(window.kind == REPORT, window.jerk_density, 0.0)
-    K = len(time)
     largest = np.maximum(density, manoeuvre.JERK_DENSITY[0])
-    for shift in range(1, K):
+    any_behind = True
+    for shift in range(1, len(time)):
         apart = time[shift:] - time[:-shift]
-        ahead, behind = apart <= (AFTER_MOST_S if shift <= AFTER_REPORTS else AFTER_S), apart <= BEFORE_S
+        ahead = apart <= (AFTER_MOST_S if shift <= AFTER_REPORTS else AFTER_S)
         if not ahead.any():
             break
-        np.maximum(largest[:-shift], np.where(ahead, density[shift:], 0.0), out=largest[:-shift])
-        np.maximum(largest[shift:], np.where(behind, density[:-shift], 0.0), out=largest[shift:])
+        np.maximum(largest[:-shift], density[shift:] * ahead, out=largest[:-shift])
+        if any_behind:
+            behind = apart <= BEFORE_S
+            any_behind = bool(behind.any())
+            np.maximum(largest[shift:], density[:-shift] * behind, out=largest[shift:])
     return np.asarray(largest)

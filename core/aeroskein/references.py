@@ -7,14 +7,14 @@ state serves for height and velocity only, and the plot is compared with other r
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from aeroskein import geodesy
 from aeroskein.closed import Closed
 from aeroskein.engine_state import EngineState
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, columns_of
 from aeroskein.publishing import Vertical
 from aeroskein.registration import Comparisons, Registration
 from aeroskein.windows import Window
@@ -53,12 +53,20 @@ class ReferenceSampler:
         self._last_s = -np.inf
         self._turn = 0
 
-    def some(self, sensor: Ints, number: Ints, now_s: float) -> Ints:
-        """Which of the plots, given by sensor and track number ``(n,)``, are compared."""
+    def open(self, now_s: float) -> Bools:
+        """Of which sensors a plot may be compared now, ``(sensors,)``; once for every call of ``some``."""
         earned = COMPARISONS_PER_S * min(max(now_s - self._last_s, 0.0), 1.0)
         self._last_s = now_s
         self._allowance = np.minimum(self._allowance + earned, COMPARISONS_PER_S)
         self._turn += 1
+        return np.asarray(self._allowance >= 1.0)
+
+    def some(self, sensor: Ints, number: Ints) -> Ints:
+        """Which of the plots, given by sensor and track number ``(n,)``, are compared."""
+        count = np.bincount(sensor, minlength=len(self._allowance))
+        if (count <= self._allowance).all():
+            self._allowance -= count
+            return np.arange(len(sensor))
         order = ((number + self._turn) * _SPREAD) & 0xFFFFFFFF
         chosen = []
         for k in np.unique(sensor):
@@ -92,39 +100,44 @@ def compare(
     Comparisons or None
         None where there is nothing to compare.
     """
-    window = closed.window
-    sensor = window.sensor_index
-    is_plot = closed.inside & state.sensors.is_radar[sensor] & np.isfinite(window.range_m)
-    # Plots that the estimator refused are compared too: a radar whose bias has jumped is refused throughout.
-    event, lane = np.nonzero(is_plot)
-    chosen = sampler.some(sensor[event, lane], state.tracks.number[closed.slots[lane]], now_s)
-    event, lane = event[chosen], lane[chosen]
-    if not len(event):
+    window, wanted = closed.window, sampler.open(now_s) & state.sensors.is_radar
+    if not wanted.any():
         return None
-    slot, time = closed.slots[lane], window.time_s[event, lane]
-    fit, cov, anchored = _fit(state, window, lane, time, trusted)
-    centre = closed.estimate.x[:, lane]
-    x = np.where(anchored, fit, centre[:4])
-    smoothed = closed.estimate.P[lane][:, [0, 0, 1], [0, 1, 1]]
+    # Plots that the estimator refused are compared too: a radar whose bias has jumped is refused throughout.
+    at = np.flatnonzero(closed.inside & wanted[window.sensor_index] & np.isfinite(window.range_m))
+    event, lane = np.divmod(at, len(closed.slots))
+    sensor, number = window.sensor_index[event, lane], state.tracks.number[closed.slots[lane]]
+    chosen = sampler.some(sensor, number)
+    if not len(chosen):
+        return None
+    event, lane, sensor, number = event[chosen], lane[chosen], sensor[chosen], number[chosen]
+    slot, time, centre_s = closed.slots[lane], window.time_s[event, lane], closed.centre_s[lane]
+    x, cov, anchored = _fit(state, window, lane, time, trusted)
+    if not anchored.all():
+        x = np.where(anchored, x, closed.estimate.x[:4, lane])
+        cov = np.where(anchored[:, None], cov, closed.estimate.P[lane][:, [0, 0, 1], [0, 1, 1]])
     altitude, height, rate = (column[lane] for column in vertical)
-    own = np.isfinite(height)
     frames = state.frames.rows[state.tracks.frame[slot]]
     lat, lon = geodesy.from_plane(frames, x[0], x[1])
-    offset, sigma = state.offsets.applied(slot, lat, lon, np.zeros(len(slot), dtype=np.bool_))
-    height = np.where(own, height, altitude + offset)
-    reference_s = np.where(anchored, time, closed.centre_s[lane])
-    climb = np.nan_to_num(rate) * (reference_s - closed.centre_s[lane])
+    height_sigma, unknown = np.full(len(slot), OWN_OFFSET_SIGMA_M), np.flatnonzero(np.isnan(height))
+    if len(unknown):
+        present = np.zeros(len(unknown), dtype=np.bool_)
+        offset, sigma = state.offsets.applied(slot[unknown], lat[unknown], lon[unknown], present)
+        height[unknown] = altitude[unknown] + offset
+        height_sigma[unknown] = np.hypot(OWN_OFFSET_SIGMA_M, sigma)
+    reference_s = np.where(anchored, time, centre_s)
+    climb = np.where(np.isnan(rate), 0.0, rate) * (reference_s - centre_s)
     back = geodesy.invert_axes(geodesy.local_axes(frames, lat, lon, height))
     v_east, v_north = geodesy.rotate_vector(back, x[2], x[3])
-    return Comparisons.of(
-        sensor=sensor[event, lane], aircraft=state.tracks.number[slot],
-        time_s=window.stamp_s[event, lane], range_m=window.range_m[event, lane],
-        azimuth_deg=window.azimuth_deg[event, lane],
-        reference_time_s=reference_s, lat_deg=lat, lon_deg=lon, height_m=height + climb,
-        v_east_mps=v_east, v_north_mps=v_north, vertical_rate_mps=rate,
-        position_cov_m2=geodesy.rotate_covariance(back, np.where(anchored[:, None], cov, smoothed)),
-        height_sigma_m=np.where(own, OWN_OFFSET_SIGMA_M, np.hypot(OWN_OFFSET_SIGMA_M, sigma)), anchored=anchored,
-    ).take(np.isfinite(height))  # fmt: skip
+    rows = Comparisons(
+        sensor=sensor, aircraft=number, time_s=window.stamp_s[event, lane], range_m=window.range_m[event, lane],
+        azimuth_deg=window.azimuth_deg[event, lane], reference_time_s=reference_s,
+        lat_deg=lat, lon_deg=lon, height_m=height + climb, v_east_mps=v_east, v_north_mps=v_north,
+        vertical_rate_mps=rate, position_cov_m2=geodesy.rotate_covariance(back, cov), height_sigma_m=height_sigma,
+        anchored=anchored,
+    )  # fmt: skip
+    known = np.isfinite(height)
+    return rows if known.all() else rows.take(known)
 
 
 def learn_latencies(state: EngineState, slots: Ints, rows: Comparisons, registration: Registration) -> None:
@@ -139,9 +152,10 @@ def _fit(state: EngineState, window: Window, lane: Ints, time_s: Array, trusted:
     """Position and velocity ``(4, n)`` at the given times, position covariance ``(n, 3)``, where there is a fit."""
     # Stamps as reported: the latency that is taken out of them is found against this very fit.
     dt = (window.stamp_s[:, lane] - time_s).T
-    own = window.reported & ~state.sensors.is_radar[window.sensor_index] & trusted
-    use = own[:, lane].T & (np.abs(dt) <= REACH_S)
-    anchored = (use.sum(axis=1) >= FEWEST) & ((np.abs(dt) <= NEAREST_S) & use).any(axis=1)
+    own = window.reported[:, lane] & ~state.sensors.is_radar[window.sensor_index[:, lane]] & trusted[lane]
+    away = np.abs(dt)
+    use = own.T & (away <= REACH_S)
+    anchored = (use.sum(axis=1) >= FEWEST) & ((away <= NEAREST_S) & use).any(axis=1)
     x = np.full((4, len(lane)), np.nan)
     cov = np.full((len(lane), 3), np.nan)
     at = np.flatnonzero(anchored)
@@ -156,55 +170,76 @@ def _least_squares(reports: dict[str, Array], dt: Array, use: Bools) -> tuple[Ar
     """Constant acceleration through reports, columns ``(n, depth)``, around ``dt = 0``, twice, without outliers.
 
     Unknown are position, velocity and acceleration, east and north: six numbers. Every normal matrix is a sum over the
-    reports of products of powers of time with the inverse of a two by two covariance, so sums of columns make it.
+    reports of products of powers of time with the inverse of a two by two covariance, so one product of matrices gives
+    all of its parts.
     """
-    n = len(dt)
-    use = use.copy()
+    n, depth = dt.shape
     dt = np.where(use, dt, 0.0)
-    powers = np.stack([np.ones_like(dt), dt, 0.5 * dt * dt], axis=2)
-    slopes = np.stack([np.ones_like(dt), dt], axis=2)
-    z = np.stack([np.nan_to_num(reports[name]) for name in ("east_m", "north_m")], axis=2)
-    first = z[:, :1]
-    z = z - first
-    v = np.stack([np.nan_to_num(reports[name]) for name in ("v_east_mps", "v_north_mps")], axis=2)
+    powers = np.ones((n, depth, 3))
+    powers[:, :, 1], powers[:, :, 2] = dt, 0.5 * dt * dt
+    # Powers of time and what was seen, side by side: place (3 + 2) with the powers, velocity (2 + 2) with the slopes.
+    place, velocity = np.empty((n, depth, 5)), np.empty((n, depth, 4))
+    place[:, :, :3], velocity[:, :, :2] = powers, powers[:, :, :2]
     v_var = reports["velocity_variance"]
     has_v = use & np.isfinite(v_var)
     v_var = np.where(has_v, v_var, 1.0) + 0.1 * dt * dt
-    rough = v.sum(axis=1) / np.maximum(has_v.sum(axis=1), 1)[:, None]
+    first = np.empty((n, 2))
+    for k, (z, v) in enumerate((("east_m", "v_east_mps"), ("north_m", "v_north_mps"))):
+        first[:, k] = reports[z][np.arange(n), use.argmax(axis=1)]
+        place[:, :, 3 + k] = np.where(use, reports[z] - first[:, k, None], 0.0)
+        velocity[:, :, 2 + k] = np.where(has_v, reports[v], 0.0)
+    rough = velocity[:, :, 2:].sum(axis=1) / np.maximum(has_v.sum(axis=1), 1)[:, None]
+    noise = _Noise.of(reports, dt, use)
     for _ in range(2):
-        W = _weights(reports, dt, rough, use)
-        Wz = np.stack([W[0] * z[:, :, 0] + W[1] * z[:, :, 1], W[1] * z[:, :, 0] + W[2] * z[:, :, 1]], axis=2)
-        Y = np.empty((n, 3, 2, 3, 2))
-        for (a, b), w in zip(((0, 0), (0, 1), (1, 1)), W, strict=True):
-            Y[:, :, a, :, b] = Y[:, :, b, :, a] = powers.swapaxes(1, 2) @ (powers * w[:, :, None])
-        y = powers.swapaxes(1, 2) @ Wz
-        w = np.where(has_v, 1.0 / v_var, 0.0)[:, :, None]
-        of_velocity = slopes.swapaxes(1, 2) @ (slopes * w)
+        W = noise.weights(rough, use)
+        weighted = (place[:, :, :, None] * W[:, :, None, :]).reshape(n, depth, -1)
+        # Sums over the reports for [power, power or what was seen, ee or en or nn].
+        sums = (powers.swapaxes(1, 2) @ weighted).reshape(n, 3, 5, 3)
+        slopes = powers[:, :, :2].swapaxes(1, 2) @ (velocity * (has_v / v_var)[:, :, None])
+        Y = sums[:, :, :3][..., [[0, 1], [1, 2]]].transpose(0, 1, 3, 2, 4)
+        y = sums[:, :, 3, :2] + sums[:, :, 4, 1:]
+        y[:, 1:] += slopes[:, :, 2:]
         for a in (0, 1):
-            Y[:, 1:, a, 1:, a] += of_velocity
-        y[:, 1:] += slopes.swapaxes(1, 2) @ (v * w)
+            Y[:, 1:, a, 1:, a] += slopes[:, :, :2]
         normal = Y.reshape(n, 6, 6)
         normal[:, [4, 5], [4, 5]] += 1.0 / ACCELERATION_SIGMA**2
         # Keeps fits regular that have lost all their reports; ``good`` sorts them out.
         normal[:, range(4), range(4)] += 1e-9
         P = np.linalg.inv(normal)
-        s = np.einsum("nij,nj->ni", P, y.reshape(n, 6))
-        e, north = np.moveaxis(z - powers @ s.reshape(n, 3, 2), 2, 0)
-        use &= W[0] * e * e + 2.0 * W[1] * e * north + W[2] * north * north <= OUTLIER
-        has_v &= use
+        s = (P @ y.reshape(n, 6, 1))[:, :, 0]
+        rest = place[:, :, 3:] - powers @ s.reshape(n, 3, 2)
+        east, north = rest[:, :, 0], rest[:, :, 1]
+        use = use & (W[:, :, 0] * east**2 + 2.0 * W[:, :, 1] * east * north + W[:, :, 2] * north**2 <= OUTLIER)
+        has_v = has_v & use
         rough = s[:, 2:4]
-    x = np.concatenate([s[:, :2] + first[:, 0], s[:, 2:4]], axis=1).T
-    good = use.sum(axis=1) >= FEWEST
-    return x, np.stack([P[:, 0, 0], P[:, 0, 1], P[:, 1, 1]], axis=1), good
+    x = np.empty((4, n))
+    x[:2], x[2:] = (s[:, :2] + first).T, s[:, 2:4].T
+    return x, np.asarray(P[:, [0, 0, 1], [0, 1, 1]], np.float64), np.asarray(use.sum(axis=1) >= FEWEST)
 
 
-def _weights(reports: dict[str, Array], dt: Array, velocity: Array, use: Bools) -> tuple[Array, Array, Array]:
-    """Inverse covariance ``ee, en, nn`` of each report, ``(n, depth)``: noise, time stamp, and distance in time."""
-    tv = np.nan_to_num(reports["time_variance"])
-    ve, vn = velocity[:, :1], velocity[:, 1:]
-    far = JERK_DENSITY * np.abs(dt) ** 5 / 20.0
-    ee = np.nan_to_num(reports["r_ee"], nan=1.0) + tv * ve * ve + far
-    en = np.nan_to_num(reports["r_en"]) + tv * ve * vn
-    nn = np.nan_to_num(reports["r_nn"], nan=1.0) + tv * vn * vn + far
-    share = use / (ee * nn - en * en)
-    return nn * share, -en * share, ee * share
+class _Noise(NamedTuple):
+    """Covariance of reports without what the time stamp adds, and the stamp's variance, ``(n, depth)`` each."""
+
+    ee: Array
+    en: Array
+    nn: Array
+    time_variance: Array
+
+    @classmethod
+    def of(cls, reports: dict[str, Array], dt: Array, use: Bools) -> _Noise:
+        """Noise and distance in time of the reports to be used; harmless numbers for the others."""
+        far = JERK_DENSITY * np.abs(dt) ** 5 / 20.0
+        return cls(
+            np.where(use, reports["r_ee"], 1.0) + far,
+            np.where(use, reports["r_en"], 0.0),
+            np.where(use, reports["r_nn"], 1.0) + far,
+            np.where(use, reports["time_variance"], 0.0),
+        )
+
+    def weights(self, velocity: Array, use: Bools) -> Array:
+        """Inverse covariance ``[ee, en, nn]`` of each report ``(n, depth, 3)`` at a velocity ``(n, 2)``."""
+        ve, vn = velocity[:, :1], velocity[:, 1:]
+        late_e = self.time_variance * ve
+        ee, en, nn = self.ee + late_e * ve, self.en + late_e * vn, self.nn + self.time_variance * vn * vn
+        share = use / (ee * nn - en * en)
+        return columns_of(nn * share, -en * share, ee * share)

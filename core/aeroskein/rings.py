@@ -60,6 +60,20 @@ class Rings:
             rows[empty, 1:] = np.nan
         return rows
 
+    def columns(self, slots: Ints, places: Ints) -> Array:
+        """The reports at ``places (K, n)`` of the tracks ``slots (n,)``, column by column: ``(COLUMN_COUNT, K, n)``."""
+        at = slots * self.time_s.shape[1] + places
+        time_s = self.time_s.take(at)
+        columns = np.empty((COLUMN_COUNT, *at.shape))
+        columns[0] = time_s
+        columns[1:] = np.moveaxis(self._rest.reshape(-1, COLUMN_COUNT - 1).take(at, axis=0), -1, 0)
+        for column in _TIMES:
+            columns[column] += time_s
+        empty = np.isneginf(time_s)
+        if empty.any():
+            columns[1:, empty] = np.nan
+        return columns
+
     def __setitem__(self, index: tuple[Ints, Ints] | Ints, rows: Array) -> None:
         time_s = rows[..., 0]
         self.time_s[index] = time_s

@@ -64,7 +64,7 @@ class Window:
     sensor_index: Ints = field(init=False)
 
     def __post_init__(self) -> None:
-        self.reported = (self.kind == REPORT) | (self.kind == FOUNDING)
+        self.reported = np.abs(self.kind) == REPORT  # founding reports are REPORT with a minus
         self.sensor_index = np.where(self.reported, self.columns[SENSOR], 0.0).astype(np.int64)
 
     def __getattr__(self, name: str) -> Array:
@@ -96,22 +96,25 @@ def gather(rings: Rings, slots: Ints, from_s: Array, until_s: Array, centre_s: A
     n = len(slots)
     times = rings.time_s[slots]
     inside = (times >= from_s[:, None]) & (times <= until_s[:, None]) & np.isfinite(times)
-    # Marks go last, so that a report at the very instant of a mark comes before it (the sort is stable).
-    marks = np.stack([centre_s, np.where(settled_s == centre_s, np.inf, settled_s)], axis=1)
-    keys = np.concatenate([np.where(inside, times, np.inf), marks], axis=1)
-    order = np.argsort(keys, axis=1, kind="stable")
-    count = np.isfinite(keys).sum(axis=1)
+    at = np.flatnonzero(inside)
+    lane, place = np.divmod(at, times.shape[1])
+    count = np.bincount(lane, minlength=n)
+    # Each lane's reports side by side, and behind them its two marks: a report at the very instant of a mark comes
+    # before it, for the sort is stable.
+    width = int(count.max(initial=0)) + 2
+    keys, places, kinds = np.full(n * width, NEVER_S), np.zeros(n * width, np.int64), np.zeros(n * width, np.int8)
+    to = lane * width + np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count)
+    keys[to], places[to] = times.take(at), place
+    kinds[to] = np.where(keys[to] > from_s[lane], REPORT, FOUNDING)
+    one_mark = settled_s == centre_s
+    keys[width - 2 :: width], keys[width - 1 :: width] = centre_s, np.where(one_mark, NEVER_S, settled_s)
+    kinds[width - 2 :: width], kinds[width - 1 :: width] = CENTRE, np.where(one_mark, NOTHING, SETTLED)
+    count += 2 - one_mark
     lanes = np.argsort(-count, kind="stable")
-    K = int(count.max()) if n else 0
-    order, count, keys = order[lanes, :K], count[lanes], keys[lanes]
-    depth = times.shape[1]
-    is_mark = order >= depth
-    place = np.minimum(order, depth - 1)
-    packed = rings[slots[lanes][:, None], place]
-    packed[:, :, TIME] = np.minimum(np.take_along_axis(keys, order, axis=1), NEVER_S)
-    kind = np.where(packed[:, :, TIME] > from_s[lanes, None], np.int8(REPORT), np.int8(FOUNDING))
-    kind[is_mark] = CENTRE + (order[is_mark] - depth)
-    kind[np.arange(K) >= count[:, None]] = NOTHING
-    active = [int(m) for m in (count[:, None] > np.arange(K)).sum(axis=0)]
-    columns = np.ascontiguousarray(packed.transpose(2, 1, 0))
-    return Window(lanes, place.T, columns, np.ascontiguousarray(kind.T), active)
+    order = np.argsort(keys.reshape(n, width), axis=1, kind="stable")[lanes, : int(count.max(initial=0))]
+    # Where each event stands in these tables, (K, n).
+    at = np.ascontiguousarray((lanes[:, None] * width + order).T)
+    place, kind = places[at], kinds[at]
+    columns = rings.columns(slots[lanes], place)
+    columns[TIME] = keys[at]
+    return Window(lanes, place, columns, kind, np.count_nonzero(kind, axis=1).tolist())

@@ -134,8 +134,9 @@ def test_an_aircraft_that_reports_only_altitude_is_compared_with_less_trust() ->
 def test_few_plots_are_all_compared() -> None:
     sampler = ReferenceSampler(3)
 
-    assert sampler.some(np.array([1, 2, 1]), np.array([5, 6, 7]), 10.0).tolist() == [0, 1, 2]
-    assert sampler.some(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), 10.0).tolist() == []
+    assert sampler.open(10.0).all()
+    assert sampler.some(np.array([1, 2, 1]), np.array([5, 6, 7])).tolist() == [0, 1, 2]
+    assert sampler.some(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)).tolist() == []
 
 
 @pytest.mark.parametrize("parts", [1, 7])
@@ -143,7 +144,9 @@ def test_of_many_plots_a_hundred_a_second_are_compared(parts: int) -> None:
     sampler, chosen = ReferenceSampler(2), 0
     for second in range(20):
         for part in np.array_split(np.arange(900), parts):
-            chosen += len(sampler.some(np.full(len(part), 1), part, 100.0 + second))
+            sampler.open(100.0 + second)
+            chosen += len(sampler.some(np.full(len(part), 1), part))
+        assert sampler.open(100.0 + second).tolist() == [True, False]
 
     assert chosen == pytest.approx(2000, abs=1)
 
@@ -152,7 +155,8 @@ def test_one_busy_radar_does_not_silence_another() -> None:
     sampler = ReferenceSampler(2)
     sensor = np.concatenate([np.zeros(500, dtype=np.int64), np.ones(20, dtype=np.int64)])
 
-    chosen = sampler.some(sensor, np.arange(520), 1.0)
+    sampler.open(1.0)
+    chosen = sampler.some(sensor, np.arange(520))
 
     assert (sensor[chosen] == 0).sum() == 100
     assert (sensor[chosen] == 1).sum() == 20
@@ -161,6 +165,9 @@ def test_one_busy_radar_does_not_silence_another() -> None:
 def test_aircraft_take_turns() -> None:
     sampler, number = ReferenceSampler(1), np.arange(1000)
 
-    seen = [set(sampler.some(np.zeros(1000, dtype=np.int64), number, 100.0 + s).tolist()) for s in range(30)]
+    seen = list[set[int]]()
+    for second in range(30):
+        sampler.open(100.0 + second)
+        seen.append(set(sampler.some(np.zeros(1000, dtype=np.int64), number).tolist()))
 
     assert len(set().union(*seen)) > 900
