@@ -46,11 +46,12 @@ def coast(state: EngineState, now_s: float) -> list[TrackChanges | FusedPoints]:
     """
     tracks = state.tracks
     active = tracks.active
-    confirmed = active[tracks.status[active] >= Status.CONFIRMED]
-    if not len(confirmed):
+    # Nothing is expected back sooner than this, so that most tracks need no further look.
+    late = now_s - tracks.received_s[active] > state.settings.tracks.coast_min_s
+    silent = active[late & (tracks.status[active] >= Status.CONFIRMED)]
+    if not len(silent):
         return []
-    silent = now_s - tracks.received_s[confirmed]
-    coasting = confirmed[silent > tracks.expected_wait_s(confirmed, now_s)]
+    coasting = silent[now_s - tracks.received_s[silent] > tracks.expected_wait_s(silent, now_s)]
     events: list[TrackChanges | FusedPoints] = []
     fresh = coasting[tracks.status[coasting] != Status.COASTING]
     if len(fresh):

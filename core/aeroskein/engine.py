@@ -174,14 +174,16 @@ class FusionEngine:
 
     def _due(self, now_s: float, few_wait_s: float) -> Ints:
         """Slots of the elements to close now; they wait a moment for others, which makes them cheaper."""
-        elements = self._state.elements
+        elements, due_s = self._state.elements, self._state.elements.due_s
+        due = np.flatnonzero(elements.open & (due_s <= now_s))
         # A track that has ended meanwhile has no elements after its end, however long ago that was.
-        until_s = np.minimum(now_s, self._state.tracks.ends_s())
-        due = np.flatnonzero(elements.open & (elements.due_s <= until_s))
+        due = due[due_s[due] <= self._state.tracks.ends_s()[due]]
+        if not len(due):
+            return due
         wait_s = few_wait_s if len(due) < FEW else 0.0
         if len(due) < LANES and np.count_nonzero(elements.open) >= MANY:
             wait_s = max(wait_s, GATHER_S)
-        waits = now_s - elements.due_s[due].min(initial=math.inf) < wait_s
+        waits = now_s - due_s[due].min() < wait_s
         return due[:0] if waits else due
 
     def finish(self, *, now_s: float, most: int | None = None) -> list[Event]:

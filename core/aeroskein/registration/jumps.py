@@ -34,6 +34,8 @@ SHIFT_MIN: Final = np.array([15.0, 0.02, 0.1])
 # Knee of Huber's cost, in sigmas.
 KNEE: Final = 2.0
 _ITERATIONS: Final = 6
+# A weak prior keeps directions that the traffic does not show at zero.
+_PRIOR: Final = np.diag([1.0 / 3000.0**2, 1.0 / 5.0**2, 1.0 / 5.0**2])
 
 
 class JumpWatch:
@@ -69,13 +71,11 @@ class JumpWatch:
         if now_s < self.quiet_until_s or len(self._time_s) < ROWS_MIN or (self._aircraft == self._aircraft[0]).all():
             return None
         shift = self._best_shift()
-        before = _huber(np.linalg.norm(self._white, axis=1))
-        after = _huber(np.linalg.norm(self._white - self._of_shift @ shift, axis=1))
-        # One aircraft, one voice: each counts by the share of its own rows that are better off.
-        better = _mean_by(self._aircraft, (after < before).astype(np.float64))
+        before, after = _huber(_length(self._white)), _huber(_length(self._white - self._of_shift @ shift))
         gain = float(before.sum() - after.sum())
-        is_jump = gain > GAIN_MIN and float(better.mean()) > SHARE_MIN and bool((np.abs(shift) > SHIFT_MIN).any())
-        if not is_jump:
+        is_jump = gain > GAIN_MIN and bool((np.abs(shift) > SHIFT_MIN).any())
+        # One aircraft, one voice: each counts by the share of its own rows that are better off.
+        if not is_jump or _mean_by(self._aircraft, (after < before).astype(np.float64)).mean() <= SHARE_MIN:
             self._since_s = np.inf
             return None
         self._since_s = min(self._since_s, now_s)
@@ -83,18 +83,22 @@ class JumpWatch:
 
     def _best_shift(self) -> Array:
         """Least squares with Huber's weights, begun at the medians, so that a jump of any size is found."""
-        # A weak prior keeps directions that the traffic does not show at zero.
-        prior = np.diag([1.0 / 3000.0**2, 1.0 / 5.0**2, 1.0 / 5.0**2])
         diagonal = np.maximum(np.abs(self._of_shift[:, [0, 1], [0, 1]]), 1e-12)
         shift = np.zeros(3)
         shift[:2] = np.median(self._white / diagonal, axis=0)
+        # Both components of every row below each other.
+        white, of_shift = self._white.ravel(), self._of_shift.reshape(-1, 3)
         for _ in range(_ITERATIONS):
-            residual = self._white - self._of_shift @ shift
-            weight = np.minimum(1.0, KNEE / np.maximum(np.linalg.norm(residual, axis=1), 1e-12))
-            weighted = self._of_shift * weight[:, None, None]
-            normal = np.einsum("nki,nkj->ij", weighted, self._of_shift) + prior
-            shift = np.linalg.solve(normal, np.einsum("nki,nk->i", weighted, self._white))
+            distance = _length((white - of_shift @ shift).reshape(-1, 2))
+            weight = np.minimum(1.0, KNEE / np.maximum(distance, 1e-12))
+            weighted = (of_shift * np.repeat(weight, 2)[:, None]).T
+            shift = np.linalg.solve(weighted @ of_shift + _PRIOR, weighted @ white)
         return shift
+
+
+def _length(vectors: Array) -> Array:
+    """Lengths of vectors ``(n, 2)``."""
+    return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
 def _huber(distance: Array) -> Array:
