@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools, Plots
+from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.units import wrap_azimuth_deg
 
 __all__ = ["CORRECTED", "AppliedBiases"]
@@ -43,16 +43,21 @@ class AppliedBiases:
         """These are in force at once, for both blocks."""
         self.__init__(correction, sigma, uncertain)  # type: ignore[misc]
 
-    def correct(self, raw: Plots, before: Bools) -> Plots:
-        """Take the biases out; ``before`` marks reports of the block before. Other sensors pass unchanged."""
-        bias = self._correction[before.astype(np.int64), raw.sensor]
-        return replace(
-            raw,
-            range_m=np.maximum((raw.range_m - bias[:, 0]) / (1.0 + bias[:, 3]), 0.0),
-            azimuth_deg=wrap_azimuth_deg(raw.azimuth_deg - bias[:, 1]),
-            time_s=raw.time_s - bias[:, 2],
-        )
+    def correct(self, raw: Plots, before: Bools, rows: Ints) -> Plots:
+        """Take the biases out of some rows; ``before`` ``(n,)`` marks reports of the block before."""
+        if not len(rows):
+            return raw
+        bias = self._correction[before[rows].astype(np.int64), raw.sensor[rows]].T
+        range_m, azimuth_deg, time_s = raw.range_m.copy(), raw.azimuth_deg.copy(), raw.time_s.copy()
+        range_m[rows] = np.maximum((range_m[rows] - bias[0]) / (1.0 + bias[3]), 0.0)
+        azimuth_deg[rows] = wrap_azimuth_deg(azimuth_deg[rows] - bias[1])
+        time_s[rows] -= bias[2]
+        return replace(raw, range_m=range_m, azimuth_deg=azimuth_deg, time_s=time_s)
 
     def sigmas(self, sensor: NDArray[np.int16], before: Bools) -> Array:
         """One sigma of what is left in range, azimuth, time and gain, ``(n, 4)``. [m, deg, s, 1]"""
         return np.asarray(self._sigma[before.astype(np.int64), sensor])
+
+    def time_sigma_s(self, sensor: NDArray[np.int16], before: Bools) -> Array:
+        """The third of these alone, ``(n,)``. [s]"""
+        return np.asarray(self._sigma[before.astype(np.int64), sensor, 2])

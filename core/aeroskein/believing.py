@@ -59,41 +59,58 @@ class Believing:
         self._integrity.lost(sensor)
 
     def note(self, batch: Batch, reports: Measurements, unsure: Bools, now_s: float) -> None:
-        """Show a batch of reports, with their tracks, in their planes; unsure ones may be another track's."""
+        """Show a batch of reports, with their tracks, in their planes; unsure ones may be another track's.
+
+        Own positions of suspect tracks that a radar sees count for next to nothing from then on; changes the reports
+        in place.
+        """
         self._follow_capacity()
         sensor = reports.sensor.astype(np.int64)
-        own = np.flatnonzero(self._own_positions[sensor])
-        place = columns_of(reports.east_m, reports.north_m)
-        if len(own):
-            velocity = columns_of(reports.v_east_mps[own], reports.v_north_mps[own])
-            silent = np.isnan(velocity[:, 0])
-            if silent.any():
-                _, _, v_east, v_north = self._state.live.bank.steady(reports.slot[own[silent]])
-                velocity[silent] = np.stack([v_east, v_north], axis=1)
-            tv = reports.time_variance[own]
-            covariance = columns_of(
-                reports.r_ee[own] + tv * velocity[:, 0] ** 2,
-                reports.r_en[own] + tv * velocity[:, 0] * velocity[:, 1],
-                reports.r_nn[own] + tv * velocity[:, 1] ** 2,
-            )
-            unverified = own[self._integrity.belief(reports.slot[own]) == Belief.UNVERIFIED]
-            self._state.tracks.flags[reports.slot[unverified]] |= np.uint16(Flag.ADSB_UNVERIFIED)
-            self._own.append(OwnPositions(reports.slot[own], reports.time_s[own], place[own], velocity, covariance))
-        seen = np.flatnonzero(~self._own_positions[sensor])
+        is_own = self._own_positions[sensor]
+        own, seen = is_own.nonzero()[0], (~is_own).nonzero()[0]
         if len(seen):
             # A plot that may be a neighbour's says that the track was seen, not where.
             vague = np.where(unsure[seen], DOUBTED_SIGMA_M**2, 0.0)
             self._looks.append(
                 Looks(
-                    sensor[seen], reports.slot[seen], reports.time_s[seen], place[seen],
+                    sensor[seen], reports.slot[seen], reports.time_s[seen],
+                    columns_of(reports.east_m[seen], reports.north_m[seen]),
                     columns_of(reports.r_ee[seen] + vague, reports.r_en[seen], reports.r_nn[seen] + vague),
                     batch.plots.range_m[seen], batch.plots.azimuth_deg[seen], batch.located.height_m[seen],
                 )
             )  # fmt: skip
+        if len(own):
+            self._note_own(reports, own, now_s)
         self._gathered += len(reports)
         if self._gathered >= GATHER or now_s - self._shown_s >= GATHER_S:
             self._shown_s = now_s
             self._show()
+
+    def _note_own(self, reports: Measurements, own: Ints, now_s: float) -> None:
+        """Own positions, rows ``(n,)`` of the reports: show them, then discount those of suspect tracks."""
+        slot, tv = reports.slot[own], reports.time_variance[own]
+        velocity = columns_of(reports.v_east_mps[own], reports.v_north_mps[own])
+        silent = np.isnan(velocity[:, 0])
+        if silent.any():
+            _, _, v_east, v_north = self._state.live.bank.steady(slot[silent])
+            velocity[silent] = columns_of(v_east, v_north)
+        covariance = columns_of(
+            reports.r_ee[own] + tv * velocity[:, 0] ** 2,
+            reports.r_en[own] + tv * velocity[:, 0] * velocity[:, 1],
+            reports.r_nn[own] + tv * velocity[:, 1] ** 2,
+        )
+        place = columns_of(reports.east_m[own], reports.north_m[own])
+        self._own.append(OwnPositions(slot, reports.time_s[own], place, velocity, covariance))
+        belief = self._integrity.belief(slot)
+        self._state.tracks.flags[slot[belief == Belief.UNVERIFIED]] |= np.uint16(Flag.ADSB_UNVERIFIED)
+        suspect = (belief == Belief.SUSPECT).nonzero()[0]
+        if len(suspect):
+            fresh_s = LIVE_PERIODS * self._state.sensors.period_s
+            fresh = now_s - self._state.tracks.sensor_received_s[slot[suspect]] <= fresh_s
+            doubted = own[suspect[(fresh & ~self._own_positions).any(axis=1)]]
+            reports.r_ee[doubted] += DOUBTED_SIGMA_M**2
+            reports.r_nn[doubted] += DOUBTED_SIGMA_M**2
+            reports.velocity_variance[doubted] = np.nan
 
     def _show(self) -> None:
         """Show integrity what has been gathered."""
@@ -129,20 +146,6 @@ class Believing:
         """Tracks whose own positions may be used, ``(n,)``."""
         self._follow_capacity()
         return self._integrity.trusted(slots)
-
-    def discount(self, reports: Measurements, now_s: float) -> None:
-        """Own positions of suspect tracks that a radar sees count for next to nothing; changes the reports in place."""
-        self._follow_capacity()
-        slot, sensor = reports.slot, reports.sensor.astype(np.int64)
-        doubted = self._own_positions[sensor] & ~self._integrity.trusted(slot)
-        if not doubted.any():
-            return
-        period_s = self._state.sensors.period_s
-        fresh = now_s - self._state.tracks.sensor_received_s[slot] <= LIVE_PERIODS * period_s
-        doubted &= (fresh & ~self._own_positions).any(axis=1)
-        reports.r_ee[doubted] += DOUBTED_SIGMA_M**2
-        reports.r_nn[doubted] += DOUBTED_SIGMA_M**2
-        reports.velocity_variance[doubted] = np.nan
 
     def alarms(self) -> list[str]:
         """What an operator should know, one sentence each."""

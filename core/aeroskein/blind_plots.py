@@ -205,7 +205,9 @@ def _reported(state: EngineState, batch: Batch, slot: Ints) -> tuple[Array, Arra
     """Geometric height of each row's track from what others report, and its sigma, ``(n,)``; NaN where none. [m]"""
     altitude, height, _, sigma = state.live.vertical.at(slot, batch.plots.time_s)
     located, before = batch.located, state.block.before(batch.raw.time_s)
-    offset, offset_sigma = state.offsets.applied(slot, located.lat_deg, located.lon_deg, before)
+    offset, offset_sigma = state.offsets.applied(
+        slot, before, lambda rows: (located.lat_deg[rows], located.lon_deg[rows])
+    )
     own = np.isfinite(height)
     return np.where(own, height, altitude + offset), np.where(own, sigma, np.hypot(sigma, offset_sigma))
 

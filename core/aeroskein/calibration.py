@@ -9,6 +9,7 @@ So what is known when a ten-second block begins is applied to all reports *stamp
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -126,20 +127,18 @@ class HeightOffsets:
         everywhere = self._mean_m[self._weight > 0.0].mean() if (self._weight > 0.0).any() else np.nan
         self._everywhere_m = np.array([everywhere, self._everywhere_m[0]])
 
-    def applied(self, slots: Ints, lat_deg: Array, lon_deg: Array, before: Bools) -> tuple[Array, Array]:
-        """Offset and its sigma ``(n,)`` for reports of tracks; -1 in ``slots`` stands for no track yet. [m]"""
-        offset = self.own(slots, before)
-        sigma = np.full(len(slots), OWN_SIGMA_M)
-        rest = np.flatnonzero(np.isnan(offset))
-        if len(rest):
-            offset[rest], sigma[rest] = self._of_place(lat_deg[rest], lon_deg[rest], before[rest].astype(np.int64))
-        return offset, sigma
+    def applied(self, slots: Ints, before: Bools, place: Callable[[Ints], tuple[Array, Array]]) -> tuple[Array, Array]:
+        """Offset and its sigma ``(n,)`` for reports of tracks; -1 in ``slots`` stands for no track yet. [m]
 
-    def own(self, slots: Ints, before: Bools) -> Array:
-        """The aircraft's own offset ``(n,)``, NaN where it is not known: then ``applied`` needs a place. [m]"""
-        own = self._own_applied[before.astype(np.int64), slots]
-        own[slots < 0] = np.nan
-        return own
+        ``place`` gives latitude and longitude of some rows; it is asked only where the aircraft's own is not known.
+        """
+        offset = self._own_applied[before.astype(np.int64), slots]
+        offset[slots < 0] = np.nan
+        sigma = np.full(len(slots), OWN_SIGMA_M)
+        rest = np.isnan(offset).nonzero()[0]
+        if len(rest):
+            offset[rest], sigma[rest] = self._of_place(*place(rest), before[rest].astype(np.int64))
+        return offset, sigma
 
     def _of_place(self, lat_deg: Array, lon_deg: Array, block: Ints) -> tuple[Array, Array]:
         of_place = self._everywhere_m[block]

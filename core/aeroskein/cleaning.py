@@ -58,11 +58,18 @@ LIMITS: Final[dict[str, tuple[float, float]]] = {
 # Highest defined category of each quality indicator; the values above are reserved.
 QUALITY_LIMITS: Final[dict[str, int]] = {"nac_p": 11, "nac_v": 4, "nic": 11, "sil": 3}
 
-_NAMES: Final = tuple(LIMITS)
-_LOWEST: Final = np.array([low for low, _ in LIMITS.values()])[:, None]
-_HIGHEST: Final = np.array([high for _, high in LIMITS.values()])[:, None]
-_HIGHEST_QUALITY: Final = np.array(list(QUALITY_LIMITS.values()), dtype=np.int8)[:, None]
-_ROW: Final = {name: row for row, name in enumerate(_NAMES)}
+_FINITE: Final = float(np.finfo(np.float64).max)
+# All that is compared with limits, in one table: first what may not be missing (the time, and one of two positions),
+# the address last, for it has a reason of its own.
+_BOUNDS: Final[dict[str, tuple[float, float]]] = {
+    **LIMITS,
+    "received_s": (-_FINITE, _FINITE),
+    "mode_a": (-1, _HIGHEST_MODE_A),
+    "local_track": (-1, _FINITE),
+    **{name: (-1, highest) for name, highest in QUALITY_LIMITS.items()},
+    "address": (-1, _HIGHEST_ADDRESS),
+}
+_LOWEST, _HIGHEST = np.array(list(_BOUNDS.values())).T[:, :, None]
 
 
 def check_values(plots: Plots) -> NDArray[np.uint8]:
@@ -82,24 +89,15 @@ def check_values(plots: Plots) -> NDArray[np.uint8]:
     (n,) uint8
         ``Reason``, 0 where nothing is wrong.
     """
-    values = np.stack([getattr(plots, name) for name in _NAMES])  # (numbers, n)
+    values = np.array([getattr(plots, name) for name in _BOUNDS], dtype=np.float64)  # (columns, n)
     outside = (values < _LOWEST) | (values > _HIGHEST)  # false for nan: absent
-    absent = np.isnan(values)
-    bad = outside.any(axis=0) | absent[_ROW["time_s"]]
-    bad |= np.isinf(plots.received_s)
-    qualities = np.stack([plots.nac_p, plots.nac_v, plots.nic, plots.sil])
-    bad |= ((qualities < -1) | (qualities > _HIGHEST_QUALITY)).any(axis=0)
-    bad |= (plots.mode_a < -1) | (plots.mode_a > _HIGHEST_MODE_A) | (plots.local_track < -1)
-
-    lat, lon = ~absent[_ROW["lat_deg"]], ~absent[_ROW["lon_deg"]]
-    slant, azimuth = ~absent[_ROW["range_m"]], ~absent[_ROW["azimuth_deg"]]
+    timed, lat, lon, slant, azimuth = ~np.isnan(values[:5])
     geographic, polar = lat | lon, slant | azimuth
-    bad |= (lat != lon) | (slant != azimuth) | (geographic & polar)
-
+    bad = outside[:-1].any(axis=0) | ~timed | (lat != lon) | (slant != azimuth) | (geographic & polar)
     reasons = np.zeros(len(plots), dtype=np.uint8)
     reasons[~(geographic | polar)] = Reason.NO_POSITION
     reasons[bad] = Reason.BAD_VALUE
-    reasons[(plots.address < -1) | (plots.address > _HIGHEST_ADDRESS)] = Reason.BAD_ADDRESS
+    reasons[outside[-1]] = Reason.BAD_ADDRESS
     return reasons
 
 

@@ -106,16 +106,14 @@ class Located:
             getattr(self, name)[rows] = getattr(better, name)
 
 
-def rough_place(plots: Plots, table: SensorTable, wanted: Bools) -> tuple[Array, Array]:
-    """Latitude and longitude ``(n,)`` within some kilometres, from nothing but the report itself. [deg]
-
-    NaN for radar plots that are not ``wanted`` ``(n,)``: finding them costs most of a conversion.
-    """
-    lat, lon = plots.lat_deg.copy(), plots.lon_deg.copy()
-    at = np.flatnonzero(wanted & table.is_radar[plots.sensor] & np.isfinite(plots.range_m))
+def rough_place(plots: Plots, table: SensorTable, rows: Ints) -> tuple[Array, Array]:
+    """Latitude and longitude of some reports within some kilometres, from nothing but the reports themselves. [deg]"""
+    lat, lon, sensor, range_m = plots.lat_deg[rows], plots.lon_deg[rows], plots.sensor[rows], plots.range_m[rows]
+    at = (table.is_radar[sensor] & np.isfinite(range_m)).nonzero()[0]
     if len(at):
-        height = np.where(np.isnan(plots.altitude_m[at]), UNKNOWN_HEIGHT_M, plots.altitude_m[at])
-        fix = radar_to_geodetic(table.sites[plots.sensor[at]], plots.range_m[at], plots.azimuth_deg[at], height)
+        altitude_m, azimuth_deg = plots.altitude_m[rows[at]], plots.azimuth_deg[rows[at]]
+        height = np.where(np.isnan(altitude_m), UNKNOWN_HEIGHT_M, altitude_m)
+        fix = radar_to_geodetic(table.sites[sensor[at]], range_m[at], azimuth_deg, height)
         lat[at], lon[at] = fix.lat_deg, fix.lon_deg
     return lat, lon
 
@@ -142,8 +140,8 @@ def locate(plots: Plots, table: SensorTable, height_m: Array, height_sigma_m: Ar
     feasible = np.ones(n, dtype=np.bool_)
     unknown = np.isnan(height_m)
     height = np.where(unknown, UNKNOWN_HEIGHT_M, height_m)
-    if radar.any():
-        at = np.flatnonzero(radar)
+    at = radar.nonzero()[0]
+    if len(at):
         sensor = plots.sensor[at]
         sites, slant, azimuth = table.sites[sensor], plots.range_m[at], plots.azimuth_deg[at]
         fix = radar_to_geodetic(sites, slant, azimuth, height[at])
@@ -177,8 +175,7 @@ def measure(
     time_sigma_s : (n,) array
         One sigma of their time stamps, with what registration has left. [s]
     """
-    east, north = geodesy.to_plane(frames, located.lat_deg, located.lon_deg)
-    axes = geodesy.local_axes(frames, located.lat_deg, located.lon_deg, located.height_m)
+    east, north, axes = geodesy.to_plane_with_axes(frames, located.lat_deg, located.lon_deg, located.height_m)
     covariance = geodesy.rotate_covariance(axes, located.covariance)
     angle = np.radians(plots.track_angle_deg)
     v_east, v_north = geodesy.rotate_vector(

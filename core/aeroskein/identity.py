@@ -47,12 +47,15 @@ class Named:
         Tracks that initiation made in this call, with the velocity of their plots. [m/s]
     unsure : (m,) int64
         Places in the call of plots that may belong to another track: nothing must be learned from them.
+    given : (k,) int64
+        Places in the call of reports that did not come with the address of a track that can be where they are.
     """
 
     renamed: list[FusedPoints] = field(default_factory=list)
     slots: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     velocity_mps: Array = field(default_factory=lambda: np.zeros((0, 2)))
     unsure: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    given: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 class Identity:
@@ -81,25 +84,28 @@ class Identity:
     def assign(self, batch: Batch, verdicts: Verdicts, now_s: float) -> tuple[Batch, Named]:
         """Fill in the slots of all reports; those that belong nowhere are refused."""
         named = Named()
-        addressed = batch.plots.address >= 0
-        self._resolve(batch, verdicts, now_s, named)
-        batch = batch.without(addressed & (batch.slot < 0), Reason.IMPLAUSIBLE, verdicts)
+        self._resolve(batch, now_s, named)
+        batch = batch.without((batch.plots.address >= 0) & (batch.slot < 0), Reason.IMPLAUSIBLE, verdicts)
         given = batch.slot >= 0
         sensor, time_s = batch.plots.sensor.astype(np.int64), batch.plots.time_s
+        if given.all():
+            self._associator.claims.note(sensor, batch.slot, time_s)
+            return batch, named
         self._associator.claims.note(sensor[given], batch.slot[given], time_s[given])
-        if not given.all():
-            self._associate(batch, np.flatnonzero(~given), now_s, named)
+        self._associate(batch, np.flatnonzero(~given), now_s, named)
         return batch.without(batch.slot < 0, Reason.UNASSOCIATED, verdicts), named
 
     # -- with an address -----------------------------------------------------------------------
-    def _resolve(self, batch: Batch, verdicts: Verdicts, now_s: float, named: Named) -> None:
+    def _resolve(self, batch: Batch, now_s: float, named: Named) -> None:
         """Reports with an address: their owner, its double, a track without a name, or a new track."""
-        owned = np.flatnonzero(batch.slot >= 0)
-        if len(owned):
-            far = owned[self._cannot_be(batch, owned, batch.slot[owned])]
-            for row in far:  # strangers are rare: one turn each
-                batch.slot[row] = self._double(batch, int(row))
-        fresh = np.flatnonzero((batch.plots.address >= 0) & (self._state.tracks.owner(batch.plots.address) < 0))
+        owned = batch.slot >= 0
+        rows, others = owned.nonzero()[0], (~owned).nonzero()[0]
+        far = rows[self._cannot_be(batch, rows, batch.slot[rows])]
+        for row in far:  # strangers are rare: one turn each
+            batch.slot[row] = self._double(batch, int(row))
+        if len(far) or len(others):
+            named.given = batch.rows[np.concatenate([far, others])]
+        fresh = others[batch.plots.address[others] >= 0]
         if len(fresh):
             self._adopt(batch, fresh, now_s, named)
             self._open_addressed(batch, fresh[batch.slot[fresh] < 0])
@@ -107,13 +113,11 @@ class Identity:
     def _cannot_be(self, batch: Batch, rows: Ints, slot: Ints) -> Bools:
         """Reports that lie further from a track than any aircraft could have flown since."""
         state = self._state
-        known = np.isfinite(state.live.bank.time_s[slot])
         east, north, _, _ = state.live.bank.steady(slot)
         frames = state.frames.rows[state.tracks.frame[slot]]
         e, n = geodesy.to_plane(frames, batch.located.lat_deg[rows], batch.located.lon_deg[rows])
-        elapsed = np.where(known, batch.plots.time_s[rows] - state.live.bank.time_s[slot], 0.0)
-        cannot: Bools = known & is_implausible(np.hypot(e - east, n - north), elapsed)
-        return cannot
+        # Of a track without a state nothing is known, for any length of time.
+        return is_implausible(np.hypot(e - east, n - north), batch.plots.time_s[rows] - state.live.bank.time_s[slot])
 
     def _double(self, batch: Batch, row: int) -> int:
         """The track of another aircraft with the same address; made when two reports speak for it. -1: none yet."""

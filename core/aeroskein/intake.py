@@ -38,9 +38,9 @@ class Verdicts:
     slot: Ints
 
     @classmethod
-    def of(cls, n: int) -> Verdicts:
-        """All accepted, no tracks yet."""
-        return cls(np.zeros(n, dtype=np.uint8), np.full(n, -1, dtype=np.int64))
+    def of(cls, reason: NDArray[np.uint8]) -> Verdicts:
+        """What the first checks found; no tracks yet."""
+        return cls(reason, np.full(len(reason), -1, dtype=np.int64))
 
     def counts(self, sensor: NDArray[np.int16], sensors: int) -> Ints:
         """Reports by sensor and reason, ``(sensors, reasons)``."""
@@ -99,10 +99,8 @@ class Intake:
 
     def check(self, plots: Plots, now_s: float | Array) -> Verdicts:
         """Look at each report by itself."""
-        verdicts = Verdicts.of(len(plots))
         reason = check_values(plots)
         if not self.sensor_on.all():
             reason[(reason == 0) & ~self.sensor_on[plots.sensor]] = Reason.SENSOR_OFF
         times = check_times(plots, now_s, self._max_age_s, self._max_future_s)
-        verdicts.reason[:] = np.where(reason == 0, times, reason)
-        return verdicts
+        return Verdicts.of(np.where(reason == 0, times, reason))

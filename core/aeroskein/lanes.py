@@ -7,11 +7,16 @@ the flights that still have a k-th report are always the first ones, and states 
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from aeroskein.plots import Array, Bools, Ints
 
-__all__ = ["Lanes", "continues", "flight_quantile", "held_rows", "step_s"]
+__all__ = ["Lanes", "by_flight_and_time", "continues", "flight_quantile", "held_rows", "lengths_of_runs", "step_s"]
+
+# From this many rows on, ``lexsort`` is not the fastest way to sort by two columns.
+MANY: Final = 1000
 
 
 class Lanes:
@@ -46,6 +51,32 @@ def continues(flight: Ints) -> Bools:
     same = np.zeros(len(flight), dtype=np.bool_)
     same[1:] = flight[1:] == flight[:-1]
     return same
+
+
+def lengths_of_runs(first: Ints, n: int) -> Ints:
+    """How many rows of ``n`` belong to each run, given their first rows ``(runs,)``."""
+    lengths = np.empty(len(first), dtype=np.int64)
+    np.subtract(first[1:], first[:-1], out=lengths[:-1])
+    lengths[-1:] = n - first[-1:]
+    return lengths
+
+
+def by_flight_and_time(flight: Ints, time_s: Array) -> Ints:
+    """Rows in order of flight, then time, equal ones as they are, ``(n,)``."""
+    n = len(flight)
+    if n < MANY:
+        return np.lexsort((time_s, flight))
+    # Sorts that need not keep the order of equal rows are five times faster; places make the second one keep it.
+    order = np.argsort(time_s)
+    order = order[np.argsort(flight[order] * n + np.arange(n))]
+    flight, time_s = flight[order], time_s[order]
+    equal = np.zeros(n + 1, dtype=np.bool_)
+    equal[1:-1] = (flight[1:] == flight[:-1]) & (time_s[1:] == time_s[:-1])
+    if equal.any():
+        tied = equal[1:] | equal[:-1]
+        rows, run = order[tied], np.cumsum(~equal[:-1])[tied]
+        order[tied] = rows[np.lexsort((rows, run))]
+    return order
 
 
 def step_s(flight: Ints, time_s: Array) -> Array:

@@ -45,10 +45,11 @@ class Lateness:
         """Take stamp and arrival ``(n,)`` of accepted reports. [s since the epoch]"""
         if np.isinf(self._began_s):
             self._began_s = float(received_s.min(initial=np.inf))
-        live = time_s >= self._began_s
-        last = self._counts.shape[1] - 1
-        step = np.clip((received_s - time_s)[live] / STEP_S, 0.0, last).astype(np.int64)
-        np.add.at(self._counts, (sensor[live], step), 1.0)
+        live = (time_s >= self._began_s).nonzero()[0]
+        steps = self._counts.shape[1]
+        delay = np.maximum(received_s[live] - time_s[live], 0.0) / STEP_S
+        step = np.minimum(delay, steps - 1.0).astype(np.int64)
+        np.add.at(self._counts.reshape(-1), sensor[live] * steps + step, 1.0)
 
     def follow(self) -> float:
         """Called once a second: what to wait from now on. [s]"""

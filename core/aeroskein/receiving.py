@@ -18,8 +18,9 @@ from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.events import Event, Rejections
 from aeroskein.identity import INITIATED_SIGMA_MPS, Identity, Named
 from aeroskein.intake import Batch, Intake, Verdicts
+from aeroskein.lanes import by_flight_and_time, continues
 from aeroskein.measurements import Measurements
-from aeroskein.plots import ON_GROUND, Bools, Ints, Plots, columns_of
+from aeroskein.plots import ON_GROUND, Array, Bools, Ints, Plots, columns_of
 from aeroskein.points import Flag
 from aeroskein.publishing import live_points
 from aeroskein.reasons import Reason
@@ -45,7 +46,7 @@ class Receiver:
         """Take reports in whose turn it is; returns live points, track changes, rejections and dispositions."""
         # Against the clock at its arrival: what a report waited for its turn since is not its fault.
         verdicts = self.intake.check(plots, np.fmin(plots.received_s, now_s))
-        rows = np.flatnonzero(verdicts.reason == 0)
+        rows = (verdicts.reason == 0).nonzero()[0]
         self._clock.lap("intake", len(plots))
         events = self._take_in(plots, rows, verdicts, now_s) if len(rows) else []
         events.append(Rejections(verdicts.counts(plots.sensor, len(self._state.settings.sensors))))
@@ -66,15 +67,15 @@ class Receiver:
         batch = batch.without(batch.plots.time_s <= state.elements.late_s[batch.slot], Reason.LATE, verdicts)
         reports = self._measured(batch)
         # Registration compares ranges: what may be another aircraft's has none.
-        reports.range_m[_among(batch.rows, named.unsure)] = np.nan
-        kept = self._unrepeated(batch, reports, verdicts)
-        kept = kept[np.lexsort((batch.plots.time_s[kept], batch.slot[kept]))]
+        if len(named.unsure):
+            reports.range_m[_among(batch.rows, named.unsure)] = np.nan
+        kept = self._unrepeated(batch, reports, named.given, verdicts)
+        kept = kept[by_flight_and_time(batch.slot[kept], batch.plots.time_s[kept])]
         if len(kept) < len(batch) or (kept[1:] < kept[:-1]).any():
             batch, reports = batch.take(kept), reports.take(kept)
         _give_velocity(reports, named)
         # Before any gate: what a gate refuses may be what contradicts the own positions.
         self.believing.note(batch, reports, _among(batch.rows, named.unsure), now_s)
-        self.believing.discount(reports, now_s)
         room = state.buffers.add(reports, state.elements.settled_s[batch.slot])
         if not room.all():
             batch, reports = batch.without(~room, Reason.OVERLOAD, verdicts), reports.take(room)
@@ -85,7 +86,7 @@ class Receiver:
         accepted = state.live.receive(reports, begins)
         steer(state, reports.slot)
         self._clock.lap("live", len(rows))
-        fresh = np.unique(reports.slot[begins])
+        fresh = reports.slot[begins]
         if not accepted.all():
             batch, reports = batch.without(~accepted, Reason.OUTLIER, verdicts), reports.take(accepted)
         return [*named.renamed, *self._after(batch, reports, fresh, now_s)]
@@ -104,22 +105,23 @@ class Receiver:
         """Correct, look up and locate reports; a radar plot's height is its own altitude, else its track's."""
         state = self._state
         before = state.block.before(raw.time_s)
-        radars = bool(state.sensors.is_radar[raw.sensor].any())
-        plots = self.biases.correct(raw, before) if radars else raw
+        is_radar = state.sensors.is_radar[raw.sensor]
+        plots = self.biases.correct(raw, before, is_radar.nonzero()[0])
         slot = state.tracks.owner(plots.address)
         plots = self._without_latency(plots, slot, before)
-        known = slot >= 0
-        geometric, sigma = plots.height_m, np.zeros(len(plots))
+        height, sigma = plots.height_m, np.zeros(len(plots))
         # Own positions with their own height need nobody else's.
-        if radars or np.isnan(geometric).any():
-            nowhere = np.isnan(state.offsets.own(slot, before))
-            place = conversion.rough_place(plots, state.sensors, nowhere)
-            offset, sigma = state.offsets.applied(slot, *place, before)
-            geometric = np.where(np.isnan(plots.height_m), plots.altitude_m + offset, plots.height_m)
-        blind = np.isnan(geometric) & known
-        if blind.any():
-            geometric[blind] = state.live.vertical.at(slot[blind], plots.time_s[blind])[1]
-        located = conversion.locate(plots, state.sensors, geometric, sigma, self.biases.sigmas(raw.sensor, before))
+        asks = (is_radar | np.isnan(height)).nonzero()[0]
+        if len(asks):
+            offset, sigma[asks] = state.offsets.applied(
+                slot[asks], before[asks], lambda some: conversion.rough_place(plots, state.sensors, asks[some])
+            )
+            height = height.copy()
+            height[asks] = np.where(np.isnan(height[asks]), plots.altitude_m[asks] + offset, height[asks])
+            blind = asks[np.isnan(height[asks]) & (slot[asks] >= 0)]
+            if len(blind):
+                height[blind] = state.live.vertical.at(slot[blind], plots.time_s[blind])[1]
+        located = conversion.locate(plots, state.sensors, height, sigma, self.biases.sigmas(raw.sensor, before))
         return Batch(rows, raw, plots, located, slot)
 
     def _without_latency(self, plots: Plots, slot: Ints, before: Bools) -> Plots:
@@ -130,29 +132,42 @@ class Receiver:
     def _measured(self, batch: Batch) -> Measurements:
         state, raw = self._state, batch.raw
         frames = state.frames.rows[state.tracks.frame[batch.slot]]
-        left = self.biases.sigmas(raw.sensor, state.block.before(raw.time_s))[:, 2]
+        left = self.biases.time_sigma_s(raw.sensor, state.block.before(raw.time_s))
         time_sigma_s = np.hypot(state.sensors.time_sigma_s[raw.sensor], left)
         return conversion.measure(raw, batch.plots, batch.located, batch.slot, frames, state.sensors, time_sigma_s)
 
-    def _unrepeated(self, batch: Batch, reports: Measurements, verdicts: Verdicts) -> Ints:
-        """Refuse implausible, duplicate and stale reports; returns the rows of the others."""
-        state = self._state
-        slot, bank = batch.slot, state.live.bank
-        known = np.isfinite(bank.time_s[slot])
-        east, north, v_east, v_north = bank.steady(slot)
-        elapsed = np.where(known, reports.time_s - bank.time_s[slot], 0.0)
-        away = np.hypot(reports.east_m - east, reports.north_m - north)
-        implausible = known & is_implausible(away, elapsed)
-        raw = batch.raw
+    def _unrepeated(self, batch: Batch, reports: Measurements, given: Ints, verdicts: Verdicts) -> Ints:
+        """Refuse implausible, duplicate and stale reports; returns the rows of the others.
+
+        Of ``given`` places in the call nobody has asked yet whether their tracks can have been there.
+        """
+        state, slot, raw = self._state, batch.slot, batch.raw
+        implausible = _among(batch.rows, given)
+        at = implausible.nonzero()[0]
+        if len(at):
+            east, north, _, _ = state.live.bank.steady(slot[at])
+            away = np.hypot(reports.east_m[at] - east, reports.north_m[at] - north)
+            implausible[at] = is_implausible(away, reports.time_s[at] - state.live.bank.time_s[slot[at]])
         radar = state.sensors.is_radar[raw.sensor] & np.isfinite(raw.range_m)
         place = columns_of(np.where(radar, raw.range_m, raw.lat_deg), np.where(radar, raw.azimuth_deg, raw.lon_deg))
-        speed = np.where(known, np.hypot(v_east, v_north), raw.ground_speed_mps)
-        duplicate, stale, behind = state.memory.compare(slot, raw.sensor, raw.time_s, place, speed)
-        at = np.flatnonzero(behind)
-        duplicate[at] |= state.buffers.holds(reports.take(at))
+        duplicate, stale, behind = state.memory.compare(
+            slot, raw.sensor, raw.time_s, place, lambda rows: self._speed(slot[rows], raw.ground_speed_mps[rows])
+        )
+        at = behind.nonzero()[0]
+        if len(at):
+            duplicate[at] |= state.buffers.holds(reports.take(at))
+        refused = implausible | stale | duplicate
+        if not refused.any():
+            return np.arange(len(batch))
         for where, reason in ((implausible, Reason.IMPLAUSIBLE), (stale, Reason.STALE), (duplicate, Reason.DUPLICATE)):
             verdicts.reason[batch.rows[where]] = reason
-        return np.flatnonzero(~(implausible | stale | duplicate))
+        return (~refused).nonzero()[0]
+
+    def _speed(self, slot: Ints, reported_mps: Array) -> Array:
+        """How fast tracks ``(n,)`` move, or say that they move where nothing is known of them yet. [m/s]"""
+        bank = self._state.live.bank
+        _, _, v_east, v_north = bank.steady(slot)
+        return np.where(np.isfinite(bank.time_s[slot]), np.hypot(v_east, v_north), reported_mps)
 
     def _begin_states(self, reports: Measurements) -> Bools:
         """Live states of tracks whose first usable report is here; returns which reports those are."""
@@ -171,8 +186,8 @@ class Receiver:
         state.lateness.note(raw.sensor, raw.time_s, raw.received_s)
         _flag_ground(state, slot, raw)
         state.tracks.flags[slot[self.biases.uncertain[raw.sensor]]] |= np.uint16(Flag.BIAS_UNCERTAIN)
-        slots = np.unique(slot)
-        events: list[Event] = [*ageing.confirm(state, slots, np.isin(slots, fresh), now_s)]
+        slots = slot[~continues(slot)]
+        events: list[Event] = [*ageing.confirm(state, slots, _among(slots, fresh), now_s)]
         self._clock.lap("tracks", len(batch))
         if state.settings.fusion.live:
             time = np.maximum(state.live.bank.time_s[slots], state.live.published_s[slots])
@@ -202,11 +217,6 @@ def _among(rows: Ints, some: Ints) -> Bools:
 
 def _flag_ground(state: EngineState, slot: Ints, raw: Plots) -> None:
     """On the ground or not, as the newest report with an own position says; rows sorted by slot, then time."""
-    says = ~state.sensors.is_radar[raw.sensor]
-    if not says.any():
-        return
-    on_ground = (raw.flags[says] & ON_GROUND) != 0
-    flag = np.uint16(Flag.ON_GROUND)
-    state.tracks.flags[slot[says]] = np.where(
-        on_ground, state.tracks.flags[slot[says]] | flag, state.tracks.flags[slot[says]] & ~flag
-    )
+    own = (~state.sensors.is_radar[raw.sensor]).nonzero()[0]
+    on_ground = np.where(raw.flags[own] & ON_GROUND, np.uint16(Flag.ON_GROUND), np.uint16(0))
+    state.tracks.flags[slot[own]] = (state.tracks.flags[slot[own]] & ~np.uint16(Flag.ON_GROUND)) | on_ground

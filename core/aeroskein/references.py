@@ -122,7 +122,8 @@ def compare(
     height_sigma, unknown = np.full(len(slot), OWN_OFFSET_SIGMA_M), np.flatnonzero(np.isnan(height))
     if len(unknown):
         present = np.zeros(len(unknown), dtype=np.bool_)
-        offset, sigma = state.offsets.applied(slot[unknown], lat[unknown], lon[unknown], present)
+        place = lat[unknown], lon[unknown]
+        offset, sigma = state.offsets.applied(slot[unknown], present, lambda rows: (place[0][rows], place[1][rows]))
         height[unknown] = altitude[unknown] + offset
         height_sigma[unknown] = np.hypot(OWN_OFFSET_SIGMA_M, sigma)
     reference_s = np.where(anchored, time, centre_s)

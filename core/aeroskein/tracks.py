@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.lanes import continues
+from aeroskein.lanes import continues, lengths_of_runs
 from aeroskein.plots import Array, Bools, Ints, Plots
 from aeroskein.points import Status
 from aeroskein.settings import EngineSettings
@@ -171,18 +171,19 @@ class TrackTable:
         """Remember what accepted reports ``(n,)`` say of identity, and when they came; sorted by slot, then time."""
         if not len(slots):
             return
-        first = np.flatnonzero(~continues(slots))
+        first = (~continues(slots)).nonzero()[0]
         own = slots[first]
-        self.reports[own] += np.diff(first, append=len(slots))
+        self.reports[own] += lengths_of_runs(first, len(slots))
         self.received_s[own] = np.maximum(self.received_s[own], np.maximum.reduceat(raw.received_s, first))
         self.newest_s[own] = np.maximum(self.newest_s[own], np.maximum.reduceat(time_s, first))
-        np.maximum.at(self.sensor_received_s, (slots, raw.sensor), raw.received_s)
-        said = np.flatnonzero(raw.mode_a >= 0)
+        cell = slots * self.sensor_received_s.shape[1] + raw.sensor
+        np.maximum.at(self.sensor_received_s.reshape(-1), cell, raw.received_s)
+        said = (raw.mode_a >= 0).nonzero()[0]
         at, code = slots[said], raw.mode_a[said]
         heard = np.where(self.mode_a[at] == code, np.minimum(self.mode_a_heard[at], 254) + 1, 1)
         self.mode_a_heard[at] = np.where(raw.address[said] >= 0, 255, heard)
         self.mode_a[at] = code
-        said = np.flatnonzero(raw.callsign != b"")
+        said = (raw.callsign != b"").nonzero()[0]
         self.callsign[slots[said]] = raw.callsign[said]
 
     def ends_s(self) -> Array:

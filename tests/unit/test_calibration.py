@@ -14,6 +14,7 @@ from aeroskein.calibration import (
 from aeroskein.plots import Plots
 
 NOW, BEFORE = np.array([False]), np.array([True])
+ROWS = np.array([0])
 
 
 HERE, NEAR, ELSEWHERE = (48.0, 11.5), (48.05, 11.45), (50.0, 14.0)
@@ -22,7 +23,7 @@ HERE, NEAR, ELSEWHERE = (48.0, 11.5), (48.05, 11.45), (50.0, 14.0)
 def applied(
     offsets: HeightOffsets, slot: int, place: tuple[float, float] = HERE, before: np.ndarray = NOW
 ) -> tuple[float, float]:
-    offset, sigma = offsets.applied(np.array([slot]), np.array(place[:1]), np.array(place[1:]), before)
+    offset, sigma = offsets.applied(np.array([slot]), before, lambda rows: (np.array(place[:1]), np.array(place[1:])))
     return float(offset[0]), float(sigma[0])
 
 
@@ -169,7 +170,7 @@ def plot(**changes: float) -> Plots:
 def test_bias_is_what_a_radar_reports_too_much() -> None:
     table = AppliedBiases(*biases(120.0, 0.3, 0.5, 1e-3))
 
-    true = table.correct(plot(), NOW)
+    true = table.correct(plot(), NOW, ROWS)
 
     assert true.range_m[0] == pytest.approx((50_000.0 - 120.0) / 1.001)
     assert true.azimuth_deg[0] == pytest.approx(9.7)
@@ -179,20 +180,20 @@ def test_bias_is_what_a_radar_reports_too_much() -> None:
 def test_corrected_azimuths_stay_in_the_circle() -> None:
     table = AppliedBiases(*biases(azimuth_deg=0.3))
 
-    assert table.correct(plot(azimuth_deg=0.1), NOW).azimuth_deg[0] == pytest.approx(359.8)
+    assert table.correct(plot(azimuth_deg=0.1), NOW, ROWS).azimuth_deg[0] == pytest.approx(359.8)
 
 
 def test_a_corrected_range_is_never_negative() -> None:
     table = AppliedBiases(*biases(range_m=300.0))
 
-    assert table.correct(plot(range_m=100.0), NOW).range_m[0] == 0.0
+    assert table.correct(plot(range_m=100.0), NOW, ROWS).range_m[0] == 0.0
 
 
 def test_the_report_itself_and_other_sensors_are_not_changed() -> None:
     table, raw = AppliedBiases(*biases(120.0, 0.3, 0.5, 1e-3)), plot()
 
-    table.correct(raw, NOW)
-    other = table.correct(plot(sensor=0), NOW)
+    table.correct(raw, NOW, ROWS)
+    other = table.correct(plot(sensor=0), NOW, ROWS)
 
     assert raw.range_m[0] == 50_000.0
     assert (other.range_m[0], other.azimuth_deg[0], other.time_s[0]) == (50_000.0, 10.0, 100.0)
@@ -204,8 +205,8 @@ def test_biases_change_with_the_block_of_the_stamp() -> None:
     table.begin_block(*biases(200.0))
     table.begin_block(*biases(300.0))
 
-    assert table.correct(plot(), NOW).range_m[0] == 49_700.0
-    assert table.correct(plot(), BEFORE).range_m[0] == 49_800.0
+    assert table.correct(plot(), NOW, ROWS).range_m[0] == 49_700.0
+    assert table.correct(plot(), BEFORE, ROWS).range_m[0] == 49_800.0
     assert table.sigmas(np.array([1], dtype=np.int16), NOW)[0].tolist() == [30.0, 0.0, 0.0, 0.0]
     assert table.sigmas(np.array([1], dtype=np.int16), BEFORE)[0].tolist() == [20.0, 0.0, 0.0, 0.0]
 
@@ -215,5 +216,5 @@ def test_restored_biases_are_in_force_at_once() -> None:
 
     table.replace(*biases(200.0))
 
-    assert table.correct(plot(), BEFORE).range_m[0] == 49_800.0
+    assert table.correct(plot(), BEFORE, ROWS).range_m[0] == 49_800.0
     assert table.uncertain.tolist() == [False, True]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from aeroskein.lanes import Lanes, flight_quantile, held_rows, step_s
+from aeroskein.lanes import MANY, Lanes, by_flight_and_time, flight_quantile, held_rows, lengths_of_runs, step_s
 
 lengths = st.lists(st.integers(1, 9), min_size=1, max_size=8)
 
@@ -56,3 +56,19 @@ def test_quantiles_of_flights_are_numpys(lengths: list[int], quantile: float, se
 
     expected = [np.quantile(values[flight == f], quantile) for f in range(len(lengths))]
     np.testing.assert_allclose(result, expected, atol=1e-12)
+
+
+@given(lengths)
+def test_lengths_of_runs_are_counted_from_their_first_rows(lengths: list[int]) -> None:
+    first = np.cumsum([0, *lengths[:-1]])
+
+    assert lengths_of_runs(first, sum(lengths)).tolist() == lengths
+    assert not len(lengths_of_runs(first[:0], 0))
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0, 1, 7, MANY, 3 * MANY]), st.integers(1, 40))
+def test_few_or_many_rows_are_sorted_by_flight_then_time_and_equal_ones_stay(seed: int, n: int, kinds: int) -> None:
+    rng = np.random.default_rng(seed)
+    flight, time_s = rng.integers(0, kinds, n), rng.integers(0, kinds, n).astype(np.float64)
+
+    assert np.array_equal(by_flight_and_time(flight, time_s), np.lexsort((time_s, flight)))

@@ -16,7 +16,7 @@ def compare(memory: SensorMemory, *reports: tuple[float, float], speed_mps: floa
     place = np.array([[p, -p] for _, p in reports])
     found = memory.compare(
         np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int16), np.array([t for t, _ in reports]), place,
-        np.full(n, speed_mps),
+        lambda rows: np.full(len(rows), speed_mps),
     )  # fmt: skip
     assert all(sum(row) <= 1 for row in zip(*found, strict=True))
     return [next((w for w, v in zip(("duplicate", "stale", "behind"), row, strict=True) if v), "") for row in
@@ -81,7 +81,7 @@ def test_sensors_and_tracks_are_kept_apart() -> None:
 
     found = memory.compare(
         np.array([0, 0, 1, 0]), np.array([0, 1, 0, 0], dtype=np.int16), np.full(4, 10.0), np.ones((4, 2)),
-        np.full(4, FAST),
+        lambda rows: np.full(len(rows), FAST),
     )  # fmt: skip
 
     assert found[0].tolist() == [False, False, False, True]
@@ -133,7 +133,7 @@ def test_calls_of_any_length_are_one_report_after_the_other(calls: list[list[tup
         slot, sensor, time, place = (np.array([r[i] for r in call], dtype=np.float64) for i in range(4))
         result = memory.compare(
             slot.astype(np.int64), sensor.astype(np.int16), time, np.stack([place, -place], axis=1),
-            np.full(len(call), FAST),
+            lambda rows: np.full(len(rows), FAST),
         )  # fmt: skip
         found += list(zip(*(r.tolist() for r in result), strict=True))
 

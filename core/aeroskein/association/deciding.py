@@ -89,7 +89,7 @@ class Claims:
 
     def note(self, sensor: Ints, slot: Ints, time_s: Array) -> None:
         """Reports that were given to tracks, ``(n,)`` each."""
-        np.maximum.at(self._last_s, (sensor, slot), time_s)
+        np.maximum.at(self._last_s.reshape(-1), sensor * self._last_s.shape[1] + slot, time_s)
 
     def taken(self, sensor: Ints, slot: Ints, time_s: Array) -> Bools:
         """Whether the track already has a report of this sensor in the scan of ``time_s``, ``(n,)``."""
