@@ -13,7 +13,16 @@ import numpy as np
 
 from aeroskein.plots import Array, Bools, Ints
 
-__all__ = ["Lanes", "by_flight_and_time", "continues", "flight_quantile", "held_rows", "lengths_of_runs", "step_s"]
+__all__ = [
+    "Lanes",
+    "by_flight_and_time",
+    "continues",
+    "flight_quantile",
+    "held_rows",
+    "lengths_of_runs",
+    "newest_of_each",
+    "step_s",
+]
 
 # From this many rows on, ``lexsort`` is not the fastest way to sort by two columns.
 MANY: Final = 1000
@@ -77,6 +86,15 @@ def by_flight_and_time(flight: Ints, time_s: Array) -> Ints:
         rows, run = order[tied], np.cumsum(~equal[:-1])[tied]
         order[tied] = rows[np.lexsort((rows, run))]
     return order
+
+
+def newest_of_each(flight: Ints, time_s: Array) -> Ints:
+    """Row of the newest of each flight, of equally new ones the last, in order of flights."""
+    order = by_flight_and_time(flight, time_s)
+    flight = flight[order]
+    newest = np.ones(len(flight), dtype=np.bool_)
+    newest[:-1] = flight[1:] != flight[:-1]
+    return order[newest]
 
 
 def step_s(flight: Ints, time_s: Array) -> Array:

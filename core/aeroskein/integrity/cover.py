@@ -14,6 +14,7 @@ import numpy as np
 
 from aeroskein.ellipsoid import EARTH_M
 from aeroskein.plots import Array, Bools, Ints
+from aeroskein.units import wrap_azimuth_deg
 
 __all__ = ["CoverMap", "polar_of"]
 
@@ -62,7 +63,7 @@ def polar_of(site: Array, ecef_m: Array) -> tuple[Array, Array, Array]:
     e, n, u = site[3:].reshape(3, 3) @ (ecef_m - site[0:3]).T
     range_m = np.sqrt(e * e + n * n + u * u)
     elevation = np.degrees(np.arcsin(u / np.maximum(range_m, 1.0)))
-    return range_m, np.mod(np.degrees(np.arctan2(e, n)), 360.0), elevation
+    return range_m, wrap_azimuth_deg(np.degrees(np.arctan2(e, n))), elevation
 
 
 class CoverMap:
@@ -86,12 +87,20 @@ class CoverMap:
         # Plots counted so far, and how many of them the proofs know.
         self._plots = self._proved_plots = 0
 
-    def seen(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, time_s: float) -> None:
-        """Count plots of any aircraft, ``(n,)`` each; rows with NaN are left out."""
-        known = np.isfinite(range_m + azimuth_deg + elevation_deg)
-        self._plots += int(known.sum())
-        np.add.at(self._seen.reshape(-1), self._cells(range_m[known], azimuth_deg[known], elevation_deg[known]), 1.0)
+    def seen(
+        self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, time_s: float, tracked: Bools | None = None
+    ) -> None:
+        """Count plots of any aircraft, ``(n,)`` each; rows with NaN are left out.
+
+        Plots of ``tracked`` aircraft, which the radar is known to see, are looks that found them as well.
+        """
+        known = np.isfinite(range_m + azimuth_deg + elevation_deg).nonzero()[0]
+        self._plots += len(known)
+        cells = self._cells(range_m[known], azimuth_deg[known], elevation_deg[known])
+        np.add.at(self._seen.reshape(-1), cells, 1.0)
         self._age(time_s)
+        if tracked is not None:
+            np.add.at(self._hits.reshape(-1), cells[tracked[known]], 1.0)
 
     def looked(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array, hit: Bools) -> None:
         """Count looks at aircraft that the radar is known to see: found or missed, ``(n,)`` each."""
@@ -147,7 +156,7 @@ class CoverMap:
 
     def _cells(self, range_m: Array, azimuth_deg: Array, elevation_deg: Array) -> Ints:
         """Places ``(n,)`` in the flattened tables."""
-        sector = np.floor(azimuth_deg * (SECTORS / 360.0)).astype(np.int64) % SECTORS
+        sector = (azimuth_deg * (SECTORS / 360.0)).astype(np.int64) % SECTORS
         ring = np.minimum(np.maximum(range_m / RANGE_BIN_M, 0), RANGE_BINS - 1).astype(np.int64)
         level = np.maximum(np.searchsorted(ELEVATION_EDGES_DEG, elevation_deg, side="right") - 1, 0)
         cells: Ints = (sector * RANGE_BINS + ring) * len(ELEVATION_EDGES_DEG) + level

@@ -16,10 +16,11 @@ from typing import Final
 import numpy as np
 
 from aeroskein.ellipsoid import EARTH_M
-from aeroskein.geodesy import frame_rows, from_ecef, to_ecef
-from aeroskein.integrity.agreement import Agreement
+from aeroskein.geodesy import frame_rows, to_ecef
+from aeroskein.integrity.agreement import LEAST_SIGMAS, Agreement
 from aeroskein.integrity.cover import CoverMap, polar_of
 from aeroskein.integrity.own_positions import OWN_AGE_S, NewestOwn, OwnPositions
+from aeroskein.lanes import newest_of_each
 from aeroskein.plots import Array, Bools, Ints, columns_of
 from aeroskein.settings import EngineSettings
 
@@ -28,7 +29,7 @@ __all__ = ["Belief", "Integrity", "Looks", "OwnPositions"]
 # Sigmas of a mean difference, beyond what is honest, that make a track suspect: 2e-8 by chance.
 SUSPECT_SIGMAS: Final = 5.5
 # ... that count as disagreeing when it is asked how many tracks do, and that a track must be below to come back.
-DISAGREE_SIGMAS: Final = 3.0
+DISAGREE_SIGMAS: Final = LEAST_SIGMAS
 # Minus log of the chance that an aircraft is there and was missed so often: before it has ever been seen by radar
 # (one such question per flight; three turns of a radar that finds 95 %), and after (one per turn of every radar).
 MISSED_NEW: Final = 8.9
@@ -106,11 +107,13 @@ class Integrity:
         self._ids = [s.id for s in sensors]
         self._period_s = np.array([s.period_s for s in sensors])
         self._sites: dict[int, Array] = {}
+        self._site_height_m: dict[int, float] = {}
         self._covers: dict[int, CoverMap] = {}
         for k, s in enumerate(sensors):
             if s.is_radar:
                 lat, lon = np.array([s.lat_deg], dtype=np.float64), np.array([s.lon_deg], dtype=np.float64)
                 self._sites[k] = frame_rows(lat, lon, s.height_m or 0.0)[0]
+                self._site_height_m[k] = s.height_m or 0.0
                 self._covers[k] = CoverMap(s.range_max_m)
         self._agreement = Agreement(self._period_s, slots)
         self._newest_s = np.full(len(sensors), -np.inf)
@@ -203,10 +206,7 @@ class Integrity:
             if k in self._covers:
                 self._learn_cover(int(k), plots, rows)
         # Of several plots of one radar on one track the newest counts.
-        order = np.argsort(plots.time_s, kind="stable")[::-1]
-        cell = plots.sensor * len(self._belief) + plots.slot
-        _, first = np.unique(cell[order], return_index=True)
-        rows = np.sort(order[first])
+        rows = np.sort(newest_of_each(plots.sensor * len(self._belief) + plots.slot, plots.time_s))
         sensor, slot, time_s = plots.sensor[rows], plots.slot[rows], plots.time_s[rows]
         self._due_s[sensor, slot] = time_s + self._period_s[sensor]
         self._before[sensor, slot] = np.nan
@@ -217,7 +217,9 @@ class Integrity:
         own = self._own.rows[slot]
         difference = plots.place_m[rows] - own[:, 0:2] - own[:, 2:4] * step_s[:, None]
         covariance = plots.covariance_m2[rows] + own[:, 4:7]
-        covariance[:, [0, 2]] += (0.5 * ACCELERATION_SIGMA * step_s**2)[:, None] ** 2
+        flown_m2 = (0.5 * ACCELERATION_SIGMA * step_s**2) ** 2
+        covariance[:, 0] += flown_m2
+        covariance[:, 2] += flown_m2
         # A radar in doubt neither confirms nor contradicts.
         sure = ~self._in_doubt[sensor]
         agrees = self._agreement.add(sensor, slot, time_s, difference, covariance, own[:, 2:4], sure)
@@ -254,8 +256,10 @@ class Integrity:
         if (self._in_doubt == believed).any():  # another radar is in doubt now, or one no longer
             combined, _ = self._agreement.strength(slot, now_s, ~self._in_doubt)
         wrong = (combined > SUSPECT_SIGMAS) | against_all
-        limit = np.where(self._hits[:, slot].sum(axis=0) > 0, MISSED_KNOWN, MISSED_NEW)
-        wrong |= self._missed[slot] > limit
+        missed = (self._missed[slot] > MISSED_NEW).nonzero()[0]
+        if len(missed):
+            limit = np.where(self._hits[:, slot[missed]].sum(axis=0) > 0, MISSED_KNOWN, MISSED_NEW)
+            wrong[missed] |= self._missed[slot[missed]] > limit
         self._suspected_s[slot[wrong]] = now_s
         self._good[slot[wrong]] = 0
         self._belief[slot[wrong]] = Belief.SUSPECT
@@ -265,13 +269,15 @@ class Integrity:
 
     # -- inside --------------------------------------------------------------------------------------------------
     def _restore(self, slot: Ints, wrong: Bools, combined: Array, now_s: float) -> None:
+        belief = self._belief[slot]
         calm = ~wrong & (combined < DISAGREE_SIGMAS)
-        suspect = self._belief[slot] == Belief.SUSPECT
-        back = suspect & calm & (self._good[slot] >= LOOKS_TO_RETURN) & (now_s - self._suspected_s[slot] >= RETURN_S)
-        fresh = (self._belief[slot] == Belief.UNVERIFIED) & calm & (self._good[slot] >= LOOKS_TO_VERIFY)
-        self._belief[slot[back | fresh]] = Belief.VERIFIED
-        old = (self._belief[slot] == Belief.VERIFIED) & (now_s - self._looked_s[slot] > VERIFIED_S)
-        self._belief[slot[old]] = Belief.UNVERIFIED
+        rows = (calm & (belief != Belief.VERIFIED)).nonzero()[0]
+        some, suspect = slot[rows], belief[rows] == Belief.SUSPECT
+        good = self._good[some] >= np.where(suspect, LOOKS_TO_RETURN, LOOKS_TO_VERIFY)
+        belief[rows[good & (~suspect | (now_s - self._suspected_s[some] >= RETURN_S))]] = Belief.VERIFIED
+        old = ((belief == Belief.VERIFIED) & (now_s - self._looked_s[slot] > VERIFIED_S)).nonzero()[0]
+        belief[old] = Belief.UNVERIFIED
+        self._belief[slot] = belief
         self._good[slot[old]] = 0
 
     def _find_doubt(self, slot: Ints, by_sensor: Array) -> Bools:
@@ -279,7 +285,7 @@ class Integrity:
         known = (self._hits[:, slot] >= 3) & np.isfinite(self._due_s[:, slot])
         against = known & (by_sensor > DISAGREE_SIGMAS)
         # Two radars at once do not err on one aircraft: it is the aircraft.
-        several = against.sum(axis=0) >= 2
+        several: Bools = against.sum(axis=0) >= 2
         count = known.sum(axis=1)
         many = (against & ~several).sum(axis=1) / np.maximum(count, 1) >= np.where(
             self._in_doubt, 0.3 * DOUBT_SHARE, DOUBT_SHARE
@@ -288,11 +294,11 @@ class Integrity:
         if (in_doubt & ~self._in_doubt).any():
             self._agreement.forget_slow()
         self._in_doubt = in_doubt
-        # With one sensor alone ``several`` is false everywhere.
-        second = np.sort(by_sensor, axis=0)[max(len(by_sensor) - 2, 0)]
-        strong: Bools = several & (second > DISAGREE_SIGMAS + 1.0)
-        self._region = int(several.sum()) if int(several.sum()) >= DOUBT_TRACKS else 0
-        return strong
+        rows = several.nonzero()[0]
+        self._region = len(rows) if len(rows) >= DOUBT_TRACKS else 0
+        if len(rows):
+            several[rows] = np.sort(by_sensor[:, rows], axis=0)[-2] > DISAGREE_SIGMAS + 1.0
+        return several
 
     def _count_from(self, k: int, since_s: float) -> None:
         """Nothing that a sensor did not show before this was missed. [s since the epoch]"""
@@ -301,18 +307,14 @@ class Integrity:
         self._on_s[k] = since_s
 
     def _learn_cover(self, k: int, plots: Looks, rows: Ints) -> None:
-        site = self._sites[k]
         range_m = plots.range_m[rows]
-        up_m = plots.height_m[rows] - _height_of(site)
+        up_m = plots.height_m[rows] - self._site_height_m[k]
         # Geometric elevation at the antenna: the earth falls away by r² / 2R.
         sine = up_m / np.maximum(range_m, 1.0) - range_m / (2.0 * EARTH_M)
-        elevation = np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0)))
+        elevation = np.degrees(np.arcsin(np.minimum(np.maximum(sine, -1.0), 1.0)))
         azimuth = plots.azimuth_deg[rows]
-        self._covers[k].seen(range_m, azimuth, elevation, float(plots.time_s[rows].max()))
-        tracked = np.isfinite(elevation) & (self._hits[k, plots.slot[rows]] >= 3)
-        self._covers[k].looked(
-            range_m[tracked], azimuth[tracked], elevation[tracked], np.ones(int(tracked.sum()), bool)
-        )
+        tracked = self._hits[k, plots.slot[rows]] >= 3
+        self._covers[k].seen(range_m, azimuth, elevation, float(plots.time_s[rows].max()), tracked)
 
     def _count_misses(
         self, k: int, slot: Ints, current: Bools, range_m: Array, azimuth_deg: Array, elevation_deg: Array, now_s: float
@@ -322,22 +324,23 @@ class Integrity:
         due = self._due_s[k, slot]
         period_s = self._period_s[k]
         # Within one period of entering cover the radar must have turned past.
-        entering = np.flatnonzero(expected & np.isnan(due))
+        entering = (expected & np.isnan(due)).nonzero()[0]
         due[entering] = self._in_cover_since(k, slot[entering], now_s) + period_s
         due[~expected] = np.nan
         self._remember_before(k, slot, current & ~expected, expected, range_m, azimuth_deg, elevation_deg, now_s)
         turns = np.floor((self._newest_s[k] - due) / period_s - TURN_MARGIN) + 1.0
         # One turn at a time, but for those that look back.
-        most = np.where(np.isin(np.arange(len(slot)), entering), LOOK_BACK_MISSES, 1.0)
-        turns = np.where(expected, np.clip(turns, 0.0, most), 0.0)
-        missed = turns > 0.0
-        due += turns * period_s
+        most = np.ones(len(slot))
+        most[entering] = LOOK_BACK_MISSES
+        missed = (expected & (turns > 0.0)).nonzero()[0]
+        late, turns = slot[missed], np.minimum(turns[missed], most[missed])
+        due[missed] += turns * period_s
         self._due_s[k, slot] = due
-        self._missed[slot] -= turns * np.log(1.0 - detection)
+        self._missed[late] -= turns * np.log(1.0 - detection[missed])
         # Only aircraft that another look confirms teach the map where the radar is blind.
-        real = missed & (self._hits[k, slot] >= 3) & (now_s - self._looked_s[slot] < 3.0 * period_s)
+        real = missed[(self._hits[k, late] >= 3) & (now_s - self._looked_s[late] < 3.0 * period_s)]
         self._covers[k].looked(
-            range_m[real], azimuth_deg[real], elevation_deg[real], np.zeros(int(real.sum()), dtype=np.bool_)
+            range_m[real], azimuth_deg[real], elevation_deg[real], np.zeros(len(real), dtype=np.bool_)
         )
 
     def _in_cover_since(self, k: int, slot: Ints, now_s: float) -> Array:
@@ -359,11 +362,7 @@ class Integrity:
     ) -> None:  # fmt: skip
         """Keep where tracks are that a radar's cover does not hold, for when it turns out that it does."""
         self._before[k, slot[inside]] = np.nan
-        old = ~(now_s - self._before[k, slot, 0] < LOOK_BACK_PERIODS * self._period_s[k])
-        at = np.flatnonzero(outside & old)
+        at = outside.nonzero()[0]
+        at = at[~(now_s - self._before[k, slot[at], 0] < LOOK_BACK_PERIODS * self._period_s[k])]
         here = columns_of(np.full(len(at), now_s), range_m[at], azimuth_deg[at], elevation_deg[at])
         self._before[k, slot[at]] = here
-
-
-def _height_of(site: Array) -> float:
-    return float(from_ecef(site[None, 0:3])[2][0])

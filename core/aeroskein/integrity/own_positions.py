@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from aeroskein.lanes import newest_of_each
 from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["OWN_AGE_S", "NewestOwn", "OwnPositions"]
@@ -69,11 +70,11 @@ class NewestOwn:
 
     def take(self, reports: OwnPositions) -> None:
         """Take reports in; of several of one track the newest counts."""
-        finite = np.isfinite(reports.place_m).all(axis=1) & np.isfinite(reports.velocity_mps).all(axis=1)
-        rows = np.flatnonzero(finite & (reports.time_s > self.time_s[reports.slot]))
-        newest = rows[np.argsort(reports.time_s[rows], kind="stable")][::-1]
-        slot, first = np.unique(reports.slot[newest], return_index=True)
-        rows = newest[first]
+        place, velocity = reports.place_m.T, reports.velocity_mps.T
+        finite = np.isfinite(place[0] + place[1] + velocity[0] + velocity[1])
+        rows = (finite & (reports.time_s > self.time_s[reports.slot])).nonzero()[0]
+        rows = rows[newest_of_each(reports.slot[rows], reports.time_s[rows])]
+        slot = reports.slot[rows]
         time_s = reports.time_s[rows]
         own = np.concatenate((reports.place_m[rows], reports.velocity_mps[rows], reports.covariance_m2[rows]), axis=1)
         believed = self._follows(slot, time_s, own) | self._slipped[slot]
