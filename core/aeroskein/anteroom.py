@@ -36,13 +36,13 @@ class Anteroom:
 
     def let_in(self, plots: Plots, now_s: float) -> Plots:
         """Reports whose turn it is: those that waited long enough, then those that need not wait."""
+        out = self.due(now_s)
         nameless = self._is_radar[plots.sensor] & (plots.address < 0) & (plots.local_track < 0)
+        if not nameless.any():
+            return Plots.concatenate([out, plots]) if len(out) else plots
         # A clock that is ahead must not keep a plot waiting longer.
         until_s = np.fmin(np.fmin(plots.time_s, plots.received_s), now_s) + AGE_S
         stays = nameless & (until_s > now_s)
-        out = self.due(now_s)
-        if not stays.any():
-            return Plots.concatenate([out, plots]) if len(out) else plots
         kept = np.flatnonzero(stays)
         self._waiting = Plots.concatenate([self._waiting, plots.take(kept)])
         self._until_s = np.concatenate([self._until_s, until_s[kept]])

@@ -67,6 +67,8 @@ def assemble(
     height = np.where(np.isnan(state.height_m), state.altitude_m, state.height_m)
     back = geodesy.invert_axes(geodesy.local_axes(rows, lat, lon, height))
     east, north = geodesy.rotate_vector(back, state.x[2], state.x[3])
+    covariances = np.array([state.position_cov, state.velocity_cov]).swapaxes(1, 2)
+    position_cov, velocity_cov = geodesy.rotate_covariance(back, covariances)
     return FusedPoints(
         product=product,
         slot=slots,
@@ -84,8 +86,8 @@ def assemble(
         ground_speed_mps=np.hypot(east, north),
         track_angle_deg=wrap_azimuth_deg(np.degrees(np.arctan2(east, north))),
         vertical_rate_mps=state.vertical_rate_mps,
-        position_cov_m2=geodesy.rotate_covariance(back, state.position_cov.T),
-        velocity_cov_m2ps2=geodesy.rotate_covariance(back, state.velocity_cov.T),
+        position_cov_m2=position_cov,
+        velocity_cov_m2ps2=velocity_cov,
         status=status,
         element=element,
         span_s=span_s,

@@ -134,7 +134,7 @@ class Believing:
         frames = state.frames.rows[tracks.frame[slots]]
         east, north, _, _ = state.live.bank.steady(slots)
         lat, lon = geodesy.from_plane(frames, east, north)
-        altitude, height, _, _ = state.live.vertical.at(slots, np.full(len(slots), now_s))
+        altitude, height, _ = state.live.vertical.at(slots, np.full(len(slots), now_s))
         self._integrity.check(now_s, slots, lat, lon, np.where(np.isnan(height), altitude, height))
         belief = self._integrity.belief(slots)
         flags = tracks.flags[slots] & ~np.uint16(Flag.ADSB_UNVERIFIED | Flag.ADSB_SUSPECT)

@@ -167,9 +167,10 @@ def steer(state: EngineState, slots: Ints) -> None:
     The live filter was told of each plot at the height that was thought right at the time. When that changes, all of
     them have been wrong together, of which its covariance says nothing.
     """
-    slots, bank = np.unique(slots[state.heights.follows(slots)]), state.live.bank
+    slots, bank = slots[state.heights.follows(slots)], state.live.bank
     if not len(slots):
         return
+    slots = np.unique(slots)
     time_s, frame, x, P = state.heights.motion(slots)
     own = np.flatnonzero((time_s == bank.time_s[slots]) & ~np.isfinite(state.live.vertical.at(slots, time_s)[0]))
     if not len(own):
@@ -203,7 +204,8 @@ def _blind(state: EngineState, batch: Batch) -> Bools:
 
 def _reported(state: EngineState, batch: Batch, slot: Ints) -> tuple[Array, Array]:
     """Geometric height of each row's track from what others report, and its sigma, ``(n,)``; NaN where none. [m]"""
-    altitude, height, _, sigma = state.live.vertical.at(slot, batch.plots.time_s)
+    altitude, height, _ = state.live.vertical.at(slot, batch.plots.time_s)
+    sigma = state.live.vertical.sigma_at(slot, batch.plots.time_s)
     located, before = batch.located, state.block.before(batch.raw.time_s)
     offset, offset_sigma = state.offsets.applied(
         slot, before, lambda rows: (located.lat_deg[rows], located.lon_deg[rows])

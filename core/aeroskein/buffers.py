@@ -84,17 +84,14 @@ class ReportBuffers:
         rank = ranks(slots)
         position = (self._written[slots] + rank) % self.depth
         free: Bools = (self.rows.time_s[slots, position] <= settled_s) & (rank < self.depth)
-        kept = np.flatnonzero(free)
-        # A refused report leaves no hole: positions are given again among those that are kept.
-        if len(kept) < n:
+        if not free.all():
+            # A refused report leaves no hole: positions are given again among those that are kept.
+            kept = free.nonzero()[0]
             slots = slots[kept]
             position = (self._written[slots] + ranks(slots)) % self.depth
             free[kept] = self.rows.time_s[slots, position] <= settled_s[kept]
-            slots, position, kept = slots[free[kept]], position[free[kept]], kept[free[kept]]
-        else:
-            position = position[kept]
-        packed = reports.packed()
-        self.rows[slots, position] = packed if len(kept) == n else packed[kept]
+            slots, position, reports = slots[free[kept]], position[free[kept]], reports.take(free)
+        self.rows.put(slots, position, reports)
         np.add.at(self._written, slots, 1)
         return free
 

@@ -95,7 +95,8 @@ def candidates(state: EngineState, batch: Batch, plot: Ints, slot: Ints, located
     back = geodesy.invert_axes(axes)
     v = np.stack(geodesy.rotate_vector(back, x[2], x[3]), axis=1)
     radar = state.sensors.is_radar[plots.sensor[plot]]
-    altitude, _, _, altitude_sigma = state.live.vertical.at(slot, plots.time_s[plot])
+    vertical, time_s = state.live.vertical, plots.time_s[plot]
+    altitude, altitude_sigma = vertical.at(slot, time_s)[0], vertical.sigma_at(slot, time_s)
     step = plots.altitude_m[plot] - altitude
     sigma = np.hypot(altitude_sigma, np.hypot(state.sensors.altitude_sigma_m[plots.sensor[plot]], ALTITUDE_SLACK_M))
     time_variance = state.sensors.time_sigma_s[plots.sensor[plot]] ** 2

@@ -82,8 +82,9 @@ class EngineState:
 
     def next_seq(self, product: Product, slots: Ints) -> Ints:
         """Take the next sequence number of each track and product, ``(n,)``."""
-        seq: Ints = self.seq[product, slots]
-        self.seq[product, slots] += 1
+        of_product = self.seq[product]
+        seq: Ints = of_product[slots]
+        of_product[slots] = seq + 1
         return seq
 
 

@@ -237,12 +237,12 @@ def rotate_covariance(axes: Array, covariance: Array) -> Array:
     ----------
     axes : (n, 2, 2) array
         Jacobians, for example from ``local_axes``.
-    covariance : (n, 3) array
-        Packed ``[ee, en, nn]``.
+    covariance : (..., n, 3) array
+        Packed ``[ee, en, nn]``; several of each point share its Jacobian.
 
     Returns
     -------
-    (n, 3) array
+    (..., n, 3) array
         Packed ``[ee, en, nn]`` in the new axes.
     """
     ee, en, nn = covariance[..., 0], covariance[..., 1], covariance[..., 2]
@@ -256,9 +256,9 @@ def rotate_covariance(axes: Array, covariance: Array) -> Array:
 
 def invert_axes(axes: Array) -> Array:
     """Inverse of Jacobians ``(n, 2, 2)``: from the plane to the local axes."""
-    a, b, c, d = axes[..., 0, 0], axes[..., 0, 1], axes[..., 1, 0], axes[..., 1, 1]
-    inverse = columns_of(d, -b, -c, a) / (a * d - b * c)[..., None]
-    return np.asarray(inverse.reshape(axes.shape))
+    a, b, c, d = axes[:, 0, 0], axes[:, 0, 1], axes[:, 1, 0], axes[:, 1, 1]
+    inverse: Array = np.array([[d, -b], [-c, a]]) / (a * d - b * c)
+    return inverse.transpose(2, 0, 1)
 
 
 def _plane_of(frames: Array, x_m: Array, y_m: Array, z_m: Array) -> tuple[Array, Array]:

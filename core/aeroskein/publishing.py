@@ -24,12 +24,14 @@ def live_points(state: EngineState, slots: Ints, time_s: Array) -> FusedPoints:
     live = state.live
     x, position_cov, velocity_cov = live.bank.motion_at(slots, time_s)
     shift = live.place(slots, time_s, x[:2])
-    x[:2] += shift
-    # By as much as it was held back the point is known to be off.
-    position_cov += shift[[0, 0, 1]] * shift[[0, 1, 1]]
-    seq = state.next_seq(Product.LIVE, slots)
-    points = _live(state, slots, time_s, (x, position_cov, velocity_cov), seq)
-    points.flags[shift.any(axis=0)] |= np.uint16(Flag.GUARDED)
+    held = (shift[0] != 0.0) | (shift[1] != 0.0)
+    if held.any():
+        east, north = shift
+        x[:2] += shift
+        # By as much as it was held back the point is known to be off.
+        position_cov += (east * east, east * north, north * north)
+    points = _live(state, slots, time_s, (x, position_cov, velocity_cov), state.next_seq(Product.LIVE, slots))
+    points.flags[held] |= np.uint16(Flag.GUARDED)
     live.sources[slots] = 0
     live.rejected[slots] = 0
     return points
@@ -43,9 +45,9 @@ def live_state(state: EngineState, slots: Ints, time_s: Array, seq: Ints) -> Fus
 def _live(state: EngineState, slots: Ints, time_s: Array, motion: tuple[Array, Array, Array], seq: Ints) -> FusedPoints:
     live, tracks = state.live, state.tracks
     n = len(slots)
-    altitude, height, rate, _ = live.vertical.at(slots, time_s)
+    altitude, height, rate = live.vertical.at(slots, time_s)
     status = tracks.status[slots]
-    flags = tracks.flags[slots].copy()
+    flags = tracks.flags[slots]
     # The last point of a track that ended is a prediction too.
     flags[status >= Status.COASTING] |= np.uint16(Flag.COASTED)
     return assemble(
@@ -132,6 +134,6 @@ def element_vertical(state: EngineState, closed: Closed) -> Vertical:
     altitude, height = np.where(barometric, fitted, np.nan), np.where(barometric, fitted + offset, fitted)
     unknown = np.isnan(fitted)
     if unknown.any():
-        a, h, r, _ = state.live.vertical.at(slots[unknown], closed.centre_s[unknown])
+        a, h, r = state.live.vertical.at(slots[unknown], closed.centre_s[unknown])
         altitude[unknown], height[unknown], slope[unknown] = a, h, r
     return Vertical(altitude, height, slope)

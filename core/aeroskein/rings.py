@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.measurements import COLUMN_COUNT, COLUMNS
+from aeroskein.measurements import COLUMN_COUNT, COLUMNS, Measurements
 from aeroskein.plots import Array, Bools, Ints
 
 __all__ = ["Rings"]
@@ -81,6 +81,16 @@ class Rings:
         for column in _TIMES:
             rest[..., column - 1] -= np.where(np.isneginf(time_s), 0.0, time_s)
         self._rest[index] = rest
+
+    def put(self, slots: Ints, places: Ints, reports: Measurements) -> None:
+        """Write one report at each slot and place; the manoeuvre detector has not seen them yet."""
+        time_s = reports.time_s
+        rest = np.zeros((len(reports), COLUMN_COUNT - 1), dtype=self._rest.dtype)
+        for column, name in enumerate(COLUMNS[1:-1]):
+            values = getattr(reports, name)
+            rest[:, column] = values - time_s if column + 1 in _TIMES else values
+        self.time_s[slots, places] = time_s
+        self._rest[slots, places] = rest
 
     def set_column(self, name: str, slots: Ints, places: Ints, values: Array) -> None:
         """Write one column, not a time, of some reports."""

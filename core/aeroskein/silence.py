@@ -42,7 +42,7 @@ def _overhead(state: EngineState, slots: Ints, now_s: float) -> Bools:
     lat, lon = geodesy.from_plane(frames, east + v_east * age_s, north + v_north * age_s)
     time_s = np.full(len(slots), now_s)
     found, sigma = state.heights.at(slots, time_s)
-    altitude, height, _, _ = state.live.vertical.at(slots, time_s)
+    altitude, height, _ = state.live.vertical.at(slots, time_s)
     for better in (altitude, found + sigma, np.full(len(slots), UNKNOWN_HEIGHT_M)):
         height = np.where(np.isnan(height), better, height)
     last = state.tracks.sensor_received_s[slots].argmax(axis=1)

@@ -77,23 +77,24 @@ class VerticalFilter:
         _filter(w, time_s, z, rate_mps, sigma_m)
         self.rows[slots] = w.T
 
-    def at(self, slots: Ints, time_s: Array) -> tuple[Array, Array, Array, Array]:
-        """Altitude, height, rate and one sigma of each track at the given times, NaN where unknown. [m, m, m/s, m]"""
-        rows = self.rows[slots]
-        age = np.maximum(time_s - rows[:, _TIME], 0.0)
-        known = np.isfinite(rows[:, _TIME]) & (age <= FORGET_S)
-        value = np.where(known, rows[:, _ALTITUDE] + age * rows[:, _RATE], np.nan)
-        variance = rows[:, _P00] + 2 * age * rows[:, _P01] + age**2 * rows[:, _P11]
-        variance += ACCELERATION_DENSITY * age**3 / 3.0
-        altitude, height = self.split(slots, value)
-        return altitude, height, np.where(known, rows[:, _RATE], np.nan), np.sqrt(variance)
+    def at(self, slots: Ints, time_s: Array) -> tuple[Array, Array, Array]:
+        """Altitude, height and rate of each track at the given times, each NaN where nothing gave it. [m, m, m/s]"""
+        rows = self.rows.take(slots, axis=0).T
+        age = np.maximum(time_s - rows[_TIME], 0.0)
+        known = age <= FORGET_S  # not of tracks without a time
+        value = np.where(known, rows[_ALTITUDE] + age * rows[_RATE], np.nan)
+        barometric = rows[_BAROMETRIC] > 0
+        altitude = np.where(barometric, value, np.nan)
+        height = np.where(barometric, value + rows[_OFFSET], value)
+        return altitude, height, np.where(known, rows[_RATE], np.nan)
 
-    def split(self, slots: Ints, value_m: Array) -> tuple[Array, Array]:
-        """Altitude and height from the channel's value: each NaN where nothing gave it. [m]"""
-        rows = self.rows[slots]
-        barometric = rows[:, _BAROMETRIC] > 0
-        altitude = np.where(barometric, value_m, np.nan)
-        return altitude, np.where(barometric, value_m + rows[:, _OFFSET], value_m)
+    def sigma_at(self, slots: Ints, time_s: Array) -> Array:
+        """One sigma of the altitude of each track at the given times, NaN where nothing is known. [m]"""
+        rows = self.rows.take(slots, axis=0).T
+        age = np.maximum(time_s - rows[_TIME], 0.0)
+        variance = rows[_P00] + 2 * age * rows[_P01] + age**2 * rows[_P11]
+        variance += ACCELERATION_DENSITY * age**3 / 3.0
+        return np.asarray(np.sqrt(variance))
 
 
 def _learn_offset(w: Array, both: Bools, difference_m: Array) -> None:
@@ -121,17 +122,17 @@ def _filter(w: Array, time_s: Array, z: Array, rate_mps: Array, sigma_m: Array) 
         step = time_s - w[_TIME]
     h = np.fmax(step, 0.0)  # NaN becomes 0
     w[_ALTITUDE] += h * w[_RATE]
-    w[_P00] += h * (2.0 * w[_P01] + h * w[_P11]) + ACCELERATION_DENSITY * h**3 / 3.0
+    w[_P00] += h * (2.0 * w[_P01] + h * w[_P11]) + ACCELERATION_DENSITY * (h * h * h) / 3.0
     w[_P01] += h * w[_P11] + ACCELERATION_DENSITY * h**2 / 2.0
     w[_P11] += ACCELERATION_DENSITY * h
     w[_TIME] += h
     goes_on = ~begin & np.isfinite(w[_TIME])
     _update(w, has_z & goes_on & (time_s >= w[_TIME]), z, r, 0)
     if rate_known.any():
-        _update(w, rate_known & goes_on, rate_mps, np.full_like(r, RATE_SIGMA_MPS**2), 1)
+        _update(w, rate_known & goes_on, rate_mps, RATE_SIGMA_MPS**2, 1)
 
 
-def _update(w: Array, usable: Bools, z: Array, r: Array, state: int) -> None:
+def _update(w: Array, usable: Bools, z: Array, r: Array | float, state: int) -> None:
     """Scalar update of altitude (state 0) or rate (state 1) where usable, gated."""
     c0, c1 = (w[_P00], w[_P01]) if state == 0 else (w[_P01], w[_P11])
     s = (c0, c1)[state] + r

@@ -36,7 +36,8 @@ def take(
 
 def at(vertical: VerticalFilter, time_s: float) -> tuple[float, ...]:
     """Altitude, height, rate, sigma."""
-    return tuple(float(v[0]) for v in vertical.at(ONE, np.array([time_s])))
+    when = np.array([time_s])
+    return tuple(float(v[0]) for v in (*vertical.at(ONE, when), vertical.sigma_at(ONE, when)))
 
 
 # -- the live filter --------------------------------------------------------------------------------------------------
