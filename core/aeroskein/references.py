@@ -122,8 +122,7 @@ def compare(
     height_sigma, unknown = np.full(len(slot), OWN_OFFSET_SIGMA_M), np.flatnonzero(np.isnan(height))
     if len(unknown):
         present = np.zeros(len(unknown), dtype=np.bool_)
-        place = lat[unknown], lon[unknown]
-        offset, sigma = state.offsets.applied(slot[unknown], present, lambda rows: (place[0][rows], place[1][rows]))
+        offset, sigma = state.offsets.applied(slot[unknown], present, lambda k: (lat[unknown[k]], lon[unknown[k]]))
         height[unknown] = altitude[unknown] + offset
         height_sigma[unknown] = np.hypot(OWN_OFFSET_SIGMA_M, sigma)
     reference_s = np.where(anchored, time, centre_s)
