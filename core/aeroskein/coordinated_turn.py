@@ -29,8 +29,6 @@ TURN_SPEED_MIN_MPS: Final = 60.0
 TURN_RATE_MAX_RADPS: Final = 0.12
 # What is even in the angle is taken no nearer to zero than here: that leaves out less than a part in 10¹¹. [rad]
 SMALL_ANGLE_RAD: Final = 1e-5
-# Below this the first terms of the series serve: what they leave out is a part in a thousand million. [rad]
-SMALL_TURN_RAD: Final = 1e-4
 # Angles below leave covariances as they are: half a percent of an error is moved beside itself. [rad]
 LEAST_TURN_RAD: Final = 0.005
 # An update that turns the velocity by more than the first, but not beyond belief, turns what is tied to it. [rad]
@@ -39,14 +37,6 @@ MOST_UPDATE_RAD: Final = 1.0
 
 Complex = NDArray[np.complex128]
 
-# The blocks of a covariance side by side, and the rows of each element of theirs: east-east, east-north, ...
-_PP, _PV, _PA, _VV, _VA, _AA = range(6)
-_BLOCK_ROWS: Final = (
-    [0, 2, 4, 12, 14, 20],
-    [1, 3, 5, 13, 15, 21],
-    [6, 8, 10, 16, 18, 22],
-    [7, 9, 11, 17, 19, 23],
-)
 # Rows of the acceleration beside position and velocity, where it turns alone; of velocity and acceleration beside the
 # position, where both turn; and the blocks of those.
 _TURNING_ALONE: Final = (np.array([[4], [10], [14], [18]]), np.array([[5], [11], [15], [19]]))
@@ -194,81 +184,72 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
         x[:, lanes], P[:, lanes] = moved_x, moved_P
         return
     w = _turn_rate(x)
-    by_v, by_a = _rate_gradient(x, w)
-    angle = w * h
-    half_sin, half_cos = np.sin(0.5 * angle), np.cos(0.5 * angle)
-    turn = np.cos(angle) + 1j * np.sin(angle)
-    small = np.abs(angle) < SMALL_TURN_RAD
-    rate = np.where(small, 1.0, w)
-    # The integral of the turn over the step, and its derivative by the rate.
-    less = 2.0 * half_sin * half_sin
-    integral = np.where(small, h * (1.0 + 0.5j * angle), (turn.imag + 1j * less) / rate)
-    integral_by_w = np.where(small, h * h * (0.5j - angle / 3.0), (h * turn - integral) / rate)
-    v = x[2] + 1j * x[3]
-    moved, v_turned = integral * v, turn * v
-    quarter = 1j * v_turned
+    gradient = _rate_gradient(x, w)
+    # A step on a circle is its chord: half the turn, and the sine of that over it.
+    half_angle = 0.5 * w * h
+    size = np.maximum(np.abs(half_angle), SMALL_ANGLE_RAD)
+    half = np.empty(len(h), dtype=np.complex128)
+    np.cos(half_angle, out=half.real)
+    np.sin(half_angle, out=half.imag)
+    u = np.sin(size)
+    u /= size
+    by_angle = half_angle * (half.real - u) / (2.0 * size * size)
+    v = np.empty(len(h), dtype=np.complex128)
+    v.real, v.imag = x[2], x[3]
+    # Integral of the turn over the step, the turn, i w times that: what is to become of the velocity. And the same's
+    # derivatives by the rate, times the velocity.
+    turned, by_rate = np.empty((3, len(h)), dtype=np.complex128), np.empty((3, len(h)), dtype=np.complex128)
+    np.multiply(h * u, half, out=turned[0])
+    np.multiply(half, half, out=turned[1])
+    left = 1j * w
+    np.multiply(left, turned[1], out=turned[2])
+    by_rate[0] = h * h * (by_angle + 0.5j * u) * half * v
+    new_v = turned[1] * v
+    quarter = 1j * new_v
+    np.multiply(h, quarter, out=by_rate[1])
+    by_rate[2] = left * by_rate[1] + quarter
+    moved = turned[0] * v
     x[0] += moved.real
     x[1] += moved.imag
-    x[2], x[3] = v_turned.real, v_turned.imag
-    x[4], x[5] = w * quarter.real, w * quarter.imag
-    _circle_errors(P, by_v, by_a, integral, turn, integral_by_w * v, h * quarter, w, quarter)
+    x[2], x[3] = new_v.real, new_v.imag
+    np.multiply(w, quarter.real, out=x[4])
+    np.multiply(w, quarter.imag, out=x[5])
+    _circle_errors(P, _parts(turned), _parts(by_rate), gradient)
     # Noise across the middle of the step.
-    middle = v_turned * (half_cos - 1j * half_sin)
-    add_jerk(P, np.stack([middle.real, middle.imag]), h, across=across)
+    add_jerk(P, _parts((half * v)[None]), h, across=across)
 
 
-def _circle_errors(
-    P: Array,
-    by_v: Complex,
-    by_a: Complex,
-    integral: Complex,
-    turn: Complex,
-    dp: Complex,
-    dv: Complex,
-    w: Array,
-    quarter: Complex,
-) -> None:
-    """Errors after a step on a circle, in place: p becomes p + S v + dp w, v becomes T v + dv w, a becomes i w v.
+def _parts(z: Complex) -> Array:
+    """East and north of complex rows ``(k, n)``, one after the other: ``(2k, n)``."""
+    parts = np.empty((len(z), 2, z.shape[1]))
+    parts[:, 0], parts[:, 1] = z.real, z.imag
+    return parts.reshape(2 * len(z), z.shape[1])
 
-    East and north are real and imaginary part here, so that S (``integral``) and T (``turn``) are factors. Errors of
-    two such quantities have two moments: C = E[x conj(y)] and R = E[x y]. ``by_v``, ``by_a`` are the gradient of the
-    turn rate; ``quarter`` is the new velocity a quarter turn to the left.
+
+def _circle_errors(P: Array, turned: Array, by_rate: Array, gradient: Array) -> None:
+    """Errors after a step on a circle, in place; those of position, velocity and acceleration from the last two before.
+
+    ``turned`` and ``by_rate`` ``(6, n)`` say what an error of the velocity to the east, and of the turn rate, becomes;
+    one to the north becomes the same, a quarter turn to the left. ``gradient (4, n)`` is that of the turn rate.
     """
-    e_e, e_n, n_e, n_n = (P[rows] for rows in _BLOCK_ROWS)
-    C, R = np.empty(e_e.shape, dtype=np.complex128), np.empty(e_e.shape, dtype=np.complex128)
-    np.add(e_e, n_n, out=C.real)
-    np.subtract(n_e, e_n, out=C.imag)
-    np.subtract(e_e, n_n, out=R.real)
-    np.add(n_e, e_n, out=R.imag)
-    # Moments of position, velocity and acceleration with the rate, which is real.
-    g_v, g_a = 0.5 * by_v, 0.5 * by_a
-    gc_v, gc_a = np.conj(g_v), np.conj(g_a)
-    pw = gc_v * R[_PV] + g_v * C[_PV] + gc_a * R[_PA] + g_a * C[_PA]
-    vw = gc_v * R[_VV] + g_v * C[_VV] + gc_a * R[_VA] + g_a * C[_VA]
-    aw = gc_v * R[_VA] + g_v * np.conj(C[_VA]) + gc_a * R[_AA] + g_a * C[_AA]
-    ww = 2.0 * (gc_v * vw + gc_a * aw).real
-    # The new position with the old velocity, then with itself, then with the new velocity.
-    C_pv = C[_PV] + integral * C[_VV] + dp * np.conj(vw)
-    R_pv = R[_PV] + integral * R[_VV] + dp * vw
-    new_pw, turned = pw + integral * vw + dp * ww, turn * vw
-    C[_PP] += integral * np.conj(C[_PV]) + dp * np.conj(pw) + np.conj(integral) * C_pv + np.conj(dp) * new_pw
-    R[_PP] += integral * (R[_PV] + R_pv) + dp * (pw + new_pw)
-    new_vw = turned + dv * ww
-    back = np.conj(dv)
-    C[_PV], R[_PV] = np.conj(turn) * C_pv + back * new_pw, turn * R_pv + dv * new_pw
-    C[_VV] += turned * back + dv * np.conj(new_vw)
-    R[_VV] = turn * turn * R[_VV] + dv * (turned + new_vw)
-    left, quarter_back = 1j * w, np.conj(quarter)
-    C[_PA], R[_PA] = quarter_back * new_pw - left * C[_PV], left * R[_PV] + quarter * new_pw
-    C[_VA], R[_VA] = quarter_back * new_vw - left * C[_VV], left * R[_VV] + quarter * new_vw
-    aw = left * new_vw + quarter * ww
-    C[_AA], R[_AA] = left * C[_VA] + quarter * np.conj(aw), left * R[_VA] + quarter * aw
-    # Variances are symmetric to the last bit.
-    C.imag[[_PP, _VV, _AA]] = 0.0
-    C *= 0.5
-    R *= 0.5
-    P[_BLOCK_ROWS[0]], P[_BLOCK_ROWS[1]] = C.real + R.real, R.imag - C.imag
-    P[_BLOCK_ROWS[2]], P[_BLOCK_ROWS[3]] = R.imag + C.imag, C.real - R.real
+    M = by_rate[:, None] * gradient
+    M[:, 0] += turned
+    M[0::2, 1] -= turned[1::2]
+    M[1::2, 1] += turned[0::2]
+    r1, r2, r3 = kalman.block_rows(P)
+    before = np.empty((4, 4, P.shape[-1]))
+    before[0:2], before[2:4, 2:4] = r2, r3
+    before[2:4, 0:2] = r2[:, 2:4].swapaxes(0, 1)
+    with_position = r1[:, 2:6].copy()
+    half = np.einsum("ikn,kjn->ijn", M, before)
+    half[0:2] += with_position
+    r1[:, 0:2] += np.einsum("ikn,jkn->ijn", M[0:2], with_position)
+    r1[:, 0:2] += np.einsum("ikn,jkn->ijn", half[0:2], M[0:2])
+    np.einsum("ikn,jkn->ijn", half[0:2], M[2:6], out=r1[:, 2:6])
+    np.einsum("ikn,jkn->ijn", half[2:4], M[2:6], out=r2)
+    np.einsum("ikn,jkn->ijn", half[4:6], M[4:6], out=r3)
+    # Symmetric to the last bit.
+    P[6], P[16], P[22] = P[1], P[13], P[21]
 
 
 def keep_speed(x: Array, P: Array, before: Array) -> None:
@@ -306,20 +287,22 @@ def _turn(v: Array, same: Array | float, left: Array | float) -> Array:
     return np.stack([same * v[0] - left * v[1], left * v[0] + same * v[1]])
 
 
-def _rate_gradient(x: Array, rate: Array) -> tuple[Complex, Complex]:
-    """Derivative of the turn rate by velocity and acceleration ``(n,)``, east and north as real and imaginary part.
-
-    Zero where the rate is at its limit.
-    """
-    v, a = x[2] + 1j * x[3], x[4] + 1j * x[5]
+def _rate_gradient(x: Array, rate: Array) -> Array:
+    """Derivative of the turn rate by velocity and acceleration, ``(4, n)``; zero where the rate is at its limit."""
     square = x[2] * x[2] + x[3] * x[3]
     slow = square < TURN_SPEED_MIN_MPS**2
-    free = (np.abs(rate) < TURN_RATE_MAX_RADPS) / np.maximum(square, TURN_SPEED_MIN_MPS**2)
-    return (-1j * a - 2.0 * rate * ~slow * v) * free, 1j * v * free
+    gradient = np.empty((4, x.shape[-1]))
+    gradient[0], gradient[3] = x[5], x[2]
+    np.negative(x[4], out=gradient[1])
+    np.negative(x[3], out=gradient[2])
+    gradient[:2] -= 2.0 * rate * ~slow * x[2:4]
+    gradient *= (np.abs(rate) < TURN_RATE_MAX_RADPS) / np.maximum(square, TURN_SPEED_MIN_MPS**2)
+    return gradient
 
 
 def _turn_rate(x: Array) -> Array:
     """Turn rate, counter-clockwise. [rad/s]"""
     square = np.maximum(x[2] * x[2] + x[3] * x[3], TURN_SPEED_MIN_MPS**2)
-    rate = (x[2] * x[5] - x[3] * x[4]) / square
-    return np.asarray(np.clip(rate, -TURN_RATE_MAX_RADPS, TURN_RATE_MAX_RADPS))
+    rate: Array = (x[2] * x[5] - x[3] * x[4]) / square
+    np.maximum(rate, -TURN_RATE_MAX_RADPS, out=rate)
+    return np.minimum(rate, TURN_RATE_MAX_RADPS, out=rate)

@@ -29,6 +29,7 @@ __all__ = [
     "Innovation",
     "add_jerk_noise",
     "apply",
+    "block_rows",
     "blocks",
     "from_matrix",
     "innovation",
@@ -84,11 +85,14 @@ class Blocks(NamedTuple):
 
 def blocks(P: Array) -> Blocks:
     """The six blocks of covariances in block-upper rows ``(24, ..., n)``; writing to them writes to ``P``."""
-    lanes = P.shape[1:]
-    r1 = P[0:12].reshape(2, 6, *lanes)
-    r2 = P[12:20].reshape(2, 4, *lanes)
-    r3 = P[20:24].reshape(2, 2, *lanes)
+    r1, r2, r3 = block_rows(P)
     return Blocks(r1[:, 0:2], r1[:, 2:4], r1[:, 4:6], r2[:, 0:2], r2[:, 2:4], r3)
+
+
+def block_rows(P: Array) -> tuple[Array, Array, Array]:
+    """The three rows of blocks ``(2, 6, ..., n)``, ``(2, 4, ..., n)`` and ``(2, 2, ..., n)``, as views."""
+    lanes = P.shape[1:]
+    return P[0:12].reshape(2, 6, *lanes), P[12:20].reshape(2, 4, *lanes), P[20:24].reshape(2, 2, *lanes)
 
 
 def predict(x: Array, P: Array, h: Array, q: Array) -> None:
@@ -131,10 +135,7 @@ def move_covariance(P: Array, h: Array) -> None:
     Blocks that stand side by side move together: at a few hundred lanes a call costs as much as what it computes.
     """
     g = 0.5 * h * h
-    lanes = P.shape[1:]
-    r1 = P[0:12].reshape(2, 6, *lanes)
-    r2 = P[12:20].reshape(2, 4, *lanes)
-    p33 = P[20:24].reshape(2, 2, *lanes)
+    r1, r2, p33 = block_rows(P)
     p11, p12, p13, p22, p23 = r1[:, 0:2], r1[:, 2:4], r1[:, 4:6], r2[:, 0:2], r2[:, 2:4]
     wide = np.empty_like(r2)
     product = wide[:, 0:2]
@@ -190,14 +191,17 @@ class Gains(NamedTuple):
 
 
 def _columns(P: Array, first: int) -> Array:
-    """Columns of P for position (first = 0) or velocity (first = 2) as ``(2, 6, ..., n)``; not to be written to."""
-    lanes = P.shape[1:]
-    r1 = P[0:12].reshape(2, 6, *lanes)
+    """Columns of P of position (first = 0), velocity (2) or acceleration (4), ``(2, 6, ..., n)``; not to be written."""
+    r1, r2, r3 = block_rows(P)
     if first == 0:
         return r1
     columns = np.empty(r1.shape)
-    columns[:, 0:2] = r1[:, 2:4].swapaxes(0, 1)
-    columns[:, 2:6] = P[12:20].reshape(2, 4, *lanes)
+    columns[:, 0:2] = r1[:, first : first + 2].swapaxes(0, 1)
+    if first == 2:
+        columns[:, 2:6] = r2
+    else:
+        columns[:, 2:4] = r2[:, 2:4].swapaxes(0, 1)
+        columns[:, 4:6] = r3
     return columns
 
 
@@ -278,18 +282,6 @@ def stamp_noise(
     return base[0] + square[0], base[1] + time_variance * (rate[0] * rate[1] + spread[1]), base[2] + square[1]
 
 
-def _all_columns(P: Array) -> tuple[Array, ...]:
-    """The six columns of P, ``(6, ..., n)`` each."""
-    lanes = P.shape[1:]
-    r1 = P[0:12].reshape(2, 6, *lanes)
-    r2 = P[12:20].reshape(2, 4, *lanes)
-    r3 = P[20:24].reshape(2, 2, *lanes)
-    columns = [r1[0], r1[1]]
-    columns += [np.concatenate([r1[:, 2 + k], r2[k]]) for k in (0, 1)]
-    columns += [np.concatenate([r1[:, 4 + k], r2[:, 2 + k], r3[k]]) for k in (0, 1)]
-    return tuple(columns)
-
-
 def lagged_innovation(
     x: Array, P: Array, first: int, z0: Array, z1: Array, r00: Array, r01: Array, r11: Array, lag: Array
 ) -> Innovation:
@@ -297,16 +289,15 @@ def lagged_innovation(
 
     The process noise between the measurement and the state is neglected, so this serves short lags only.
     """
-    c = _all_columns(P)
-    half = 0.5 * lag * lag
+    a = _columns(P, first) - lag * _columns(P, first + 2)
+    seen = x[first : first + 2] - lag * x[first + 2 : first + 4]
     if first == 0:
-        a = np.stack([c[k] - lag * c[2 + k] + half * c[4 + k] for k in (0, 1)])
-        seen = x[0:2] - lag * x[2:4] + half * x[4:6]
-        spread = a[:, 0:2] - lag * a[:, 2:4] + half * a[:, 4:6]
-    else:
-        a = np.stack([c[2 + k] - lag * c[4 + k] for k in (0, 1)])
-        seen = x[2:4] - lag * x[4:6]
-        spread = a[:, 2:4] - lag * a[:, 4:6]
+        half = 0.5 * lag * lag
+        a += half * _columns(P, 4)
+        seen += half * x[4:6]
+    spread = a[:, first : first + 2] - lag * a[:, first + 2 : first + 4]
+    if first == 0:
+        spread += half * a[:, 4:6]
     return _innovation(a, spread, seen, z0, z1, r00, r01, r11)
 
 
