@@ -193,7 +193,7 @@ def circle(x: Array, P: Array, h: Array, across: Array | float) -> None:
     np.sin(half_angle, out=half.imag)
     u = np.sin(size)
     u /= size
-    by_angle = half_angle * (half.real - u) / (2.0 * size * size)
+    by_angle = half_angle * (np.cos(size) - u) / (2.0 * size * size)
     v = np.empty(len(h), dtype=np.complex128)
     v.real, v.imag = x[2], x[3]
     # Integral of the turn over the step, the turn, i w times that: what is to become of the velocity. And the same's

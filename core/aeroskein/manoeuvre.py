@@ -110,9 +110,9 @@ def initial(x: Array, P: Array) -> tuple[Array, Array, Array]:
 
 def transition(h: Array, models: ModelSet = DETECTOR) -> Array:
     """Transition probabilities over ``h`` ``(n,)`` [s] as ``(3, 3, n)``, from row to column."""
-    r = models.rates[:, :, None]
-    T = r * h / (1.0 + 2.0 * r * h)
-    T.reshape(MODELS * MODELS, -1)[:: MODELS + 1] = 1.0 - T.sum(axis=1)
+    T = models.rates[:, :, None] * h
+    T /= 1.0 + 2.0 * T
+    np.subtract(1.0, np.add.reduce(T, axis=1), out=T.reshape(MODELS * MODELS, -1)[:: MODELS + 1])
     return T
 
 
@@ -120,10 +120,11 @@ def _mix(x: Array, P: Array, mu: Array, h: Array, models: ModelSet) -> tuple[Arr
     """States, covariances and predicted probabilities after the models have interacted over ``h``."""
     T = transition(h, models)
     c = np.einsum("ijn,in->jn", T, mu)
-    W = T * (mu[:, None, :] / c[None])
+    W = T * mu[:, None]
+    W /= c
     if models.negligible > 0.0:
-        W[models.negligible > W] = 0.0
-        W /= W.sum(axis=0)
+        W *= models.negligible <= W
+        W /= np.add.reduce(W, axis=0)
     mixed_x = np.einsum("cin,ijn->cjn", x, W)
     n = x.shape[-1]
     # P_i and the outer products of the three differences side by side: one weighted sum does it all.
@@ -138,7 +139,10 @@ def _mix(x: Array, P: Array, mu: Array, h: Array, models: ModelSet) -> tuple[Arr
     kalman.outer(d, S[:, 3:6])
     np.multiply(W[0:1], W[1:3], out=weights[3:5])
     np.multiply(W[1], W[2], out=weights[5])
-    return mixed_x, np.einsum("cin,ijn->cjn", S, weights), c
+    mixed_P = np.empty(P.shape)
+    for model in range(MODELS):
+        np.einsum("cin,in->cn", S, weights[:, model], out=mixed_P[:, model])
+    return mixed_x, mixed_P, c
 
 
 def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR) -> tuple[Array, Array, Array]:
@@ -152,11 +156,17 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
         kalman.move(x[:, ::2], P[:, ::2], h)
         coordinated_turn.add_jerk(P[:, 2], x[2:4, 2], h, along=float(models.jerk[2]))
         coordinated_turn.circle(x[:, 1], P[:, 1], h, float(models.jerk[1]))
-        _add_white_acceleration(P[:, 1:], models.wander * h, h)
     else:
         kalman.predict(x, P, h, models.jerk[:, None])
     hovers = x[2, 0] ** 2 + x[3, 0] ** 2 < HOVER_MPS**2
-    _add_white_acceleration(P[:, 0], np.where(hovers, models.held, models.steady) * h, h)
+    steady = np.where(hovers, models.held, models.steady) * h
+    if models.wander > 0.0:
+        density = np.empty((MODELS, len(h)))
+        density[0] = steady
+        density[1:] = models.wander * h
+        _add_white_acceleration(P, density, h)
+    else:
+        _add_white_acceleration(P[:, 0], steady, h)
     # Keeps the steady model's acceleration block regular; far below anything measurable.
     P[20:24:3, 0] += 1e-4
     return x, P, mu
@@ -164,19 +174,22 @@ def predict(x: Array, P: Array, mu: Array, h: Array, models: ModelSet = DETECTOR
 
 def _add_white_acceleration(P: Array, q: Array, h: Array) -> None:
     # Both axes at once: their rows lie evenly apart.
-    P[0:8:7] += q * h * h / 3.0
-    P[2:10:7] += q * h / 2.0
     P[12:18:5] += q
+    q = q * h
+    P[2:10:7] += 0.5 * q
+    P[0:8:7] += q * h / 3.0
 
 
 def _reweigh(mu: Array, g: kalman.Gains) -> Array:
-    log_likelihood = -0.5 * (g.d2 + np.log(g.det))
-    log_likelihood -= log_likelihood.max(axis=0)
-    updated = mu * np.exp(log_likelihood)
-    updated /= updated.sum(axis=0)
-    np.maximum(updated, LOWEST_PROBABILITY, out=updated)
+    log_likelihood = np.log(g.det)
+    log_likelihood += g.d2
+    log_likelihood *= -0.5
+    log_likelihood -= np.maximum.reduce(log_likelihood, axis=0)
+    updated = np.exp(log_likelihood, out=log_likelihood)
+    updated *= mu
+    np.maximum(updated, LOWEST_PROBABILITY * np.add.reduce(updated, axis=0), out=updated)
     # Probabilities that add up to a millionth more than one would move the mixture away from the origin by 5 cm.
-    updated /= updated.sum(axis=0)
+    updated /= np.add.reduce(updated, axis=0)
     return np.where(g.ok, updated, mu)
 
 
@@ -221,7 +234,7 @@ def step(
     # The time stamp's error acts along a velocity that is itself uncertain: its second moment counts.
     r00, r01, r11 = kalman.stamp_noise(base, time_variance, x[2:4], P[12:18])
     i = innovation(x, P, 0, z[0], z[1], r00, r01, r11, lag)
-    nearest = i.d2.min(axis=0)
+    nearest = np.minimum.reduce(i.d2, axis=0)
     ok = usable & (nearest <= gate)
     mu = _reweigh(mu, kalman.apply(x, P, i, ok))
     has_velocity = ok & np.isfinite(velocity_variance)
@@ -230,7 +243,7 @@ def step(
         r00, r01, r11 = kalman.stamp_noise((rv, 0.0, rv), time_variance, x[4:6], P[20:24])
         z = np.where(has_velocity, z, 0.0)  # a NaN times a gain of zero would still be a NaN
         iv = innovation(x, P, 2, z[2], z[3], r00, r01, r11, lag)
-        has_velocity &= iv.d2.min(axis=0) <= gate
+        has_velocity &= np.minimum.reduce(iv.d2, axis=0) <= gate
         mu = _reweigh(mu, kalman.apply(x, P, iv, has_velocity))
     if before is not None:
         coordinated_turn.keep_speed(x[:, 1], P[:, 1], before)
