@@ -33,7 +33,7 @@ def confirm(state: EngineState, slots: Ints, fresh: np.ndarray, now_s: float) ->
     """Tracks that just got reports: announce those that are ``fresh``, confirm those with enough, end coasting."""
     tracks = state.tracks
     enough = tracks.reports[slots] >= state.settings.tracks.confirm_reports
-    now = np.where(enough, Status.CONFIRMED, Status.TENTATIVE).astype(np.uint8)
+    now = np.where(enough, np.uint8(Status.CONFIRMED), np.uint8(Status.TENTATIVE))
     changed = fresh | (now != tracks.status[slots])
     tracks.status[slots] = now
     return [changes(state, slots[changed], now_s)] if changed.any() else []

@@ -26,6 +26,8 @@ RADIUS_95: Final = 2.448
 EPU_M: Final = np.array([np.nan, 18520.0, 7408.0, 3704.0, 1852.0, 926.0, 555.6, 185.2, 92.6, 30.0, 10.0, 3.0])
 # Velocity uncertainty by NACv: 95 %, index 0 unknown. [m/s]
 VELOCITY_95_MPS: Final = np.array([np.nan, 10.0, 3.0, 1.0, 0.3])
+POSITION_SIGMA_M: Final = EPU_M / RADIUS_95
+VELOCITY_SIGMA_MPS: Final = VELOCITY_95_MPS / RADIUS_95
 # Reported velocities are rounded to a knot and filtered on board; nothing better than this is believable. [m/s]
 VELOCITY_FLOOR_MPS: Final = 0.5
 POSITION_FLOOR_M: Final = 1.0
@@ -57,7 +59,7 @@ class SensorTable:
 def position_sigma_m(plots: Plots, table: SensorTable) -> Array:
     """One sigma per axis of reported positions ``(n,)``: own sigma, else NACp, else configured. [m]"""
     known = (plots.nac_p > 0) & (plots.nac_p < len(EPU_M))
-    by_category = EPU_M[np.where(known, plots.nac_p, 0)] / RADIUS_95
+    by_category = POSITION_SIGMA_M[np.where(known, plots.nac_p, 0)]
     sigma = np.where(np.isnan(by_category), table.position_sigma_m[plots.sensor], by_category)
     reported = plots.position_sigma_m
     return np.maximum(np.where(np.isnan(reported), sigma, reported), POSITION_FLOOR_M)
@@ -66,7 +68,7 @@ def position_sigma_m(plots: Plots, table: SensorTable) -> Array:
 def velocity_sigma_mps(plots: Plots, table: SensorTable) -> Array:
     """One sigma per axis of reported velocities ``(n,)``: own sigma, else NACv, else configured. [m/s]"""
     known = (plots.nac_v > 0) & (plots.nac_v < len(VELOCITY_95_MPS))
-    by_category = VELOCITY_95_MPS[np.where(known, plots.nac_v, 0)] / RADIUS_95
+    by_category = VELOCITY_SIGMA_MPS[np.where(known, plots.nac_v, 0)]
     sigma = np.where(np.isnan(by_category), table.velocity_sigma_mps[plots.sensor], by_category)
     reported = plots.velocity_sigma_mps
     return np.maximum(np.where(np.isnan(reported), sigma, reported), VELOCITY_FLOOR_MPS)

@@ -154,6 +154,10 @@ class Plots:
         """The given rows (an index array or a boolean mask), in that order."""
         return type(self)(*[getattr(self, name)[rows] for name in _NAMES])
 
+    def having(self, **columns: NDArray[Any]) -> Self:
+        """The same rows with some columns in place of theirs, unchecked."""
+        return type(self)(*[columns[name] if name in columns else getattr(self, name) for name in _NAMES])
+
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several, in order; no parts give no rows."""

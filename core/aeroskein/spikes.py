@@ -24,10 +24,14 @@ SPIKE_LEG_M: Final = 9.9
 def turns_back(before: Array, place: Array) -> Bools:
     """Where places ``(2, n)`` make a spike of the last one of ``before`` ``(4, n)``: the track would turn back. [m]"""
     leg, following = before[2:] - before[:2], place - before[2:]
-    lengths = np.hypot(leg[0], leg[1]), np.hypot(following[0], following[1])
-    long = (lengths[0] > SPIKE_LEG_M) & (lengths[1] > SPIKE_LEG_M)
-    back = -(leg * following).sum(axis=0) > math.cos(math.radians(SPIKE_DEG)) * lengths[0] * lengths[1]
-    return np.asarray(long & back)
+    along: Array = (leg * following).sum(axis=0)
+    turned = along < 0.0
+    at = turned.nonzero()[0]
+    if len(at):  # most fly on
+        lengths = np.hypot(leg[0, at], leg[1, at]), np.hypot(following[0, at], following[1, at])
+        long = (lengths[0] > SPIKE_LEG_M) & (lengths[1] > SPIKE_LEG_M)
+        turned[at] = long & (-along[at] > math.cos(math.radians(SPIKE_DEG)) * lengths[0] * lengths[1])
+    return turned
 
 
 def held(before: Array, place: Array) -> Array:
@@ -47,7 +51,7 @@ def held(before: Array, place: Array) -> Array:
     (2, n) array
         [m]
     """
-    back = np.flatnonzero(turns_back(before, place))
+    back = turns_back(before, place).nonzero()[0]
     shift = np.zeros(place.shape)
     if len(back):
         leg = before[2:, back] - before[:2, back]

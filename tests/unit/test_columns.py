@@ -48,6 +48,15 @@ def test_rows_are_taken_and_joined_in_every_column() -> None:
         assert part.dtype == whole.dtype
 
 
+def test_columns_are_replaced_one_by_one() -> None:
+    plots = Plots.of(2, time_s=[1.0, 2.0], range_m=5.0)
+
+    other = plots.having(time_s=np.array([3.0, 4.0]))
+
+    assert (other.time_s.tolist(), plots.time_s.tolist()) == ([3.0, 4.0], [1.0, 2.0])
+    assert other.range_m is plots.range_m
+
+
 def test_nothing_joined_is_no_rows() -> None:
     assert len(Plots.concatenate([])) == 0
 
