@@ -119,12 +119,7 @@ def compare(
     altitude, height, rate = (column[lane] for column in vertical)
     frames = state.frames.rows[state.tracks.frame[slot]]
     lat, lon = geodesy.from_plane(frames, x[0], x[1])
-    height_sigma, unknown = np.full(len(slot), OWN_OFFSET_SIGMA_M), np.flatnonzero(np.isnan(height))
-    if len(unknown):
-        present = np.zeros(len(unknown), dtype=np.bool_)
-        offset, sigma = state.offsets.applied(slot[unknown], present, lambda k: (lat[unknown[k]], lon[unknown[k]]))
-        height[unknown] = altitude[unknown] + offset
-        height_sigma[unknown] = np.hypot(OWN_OFFSET_SIGMA_M, sigma)
+    height_sigma = _fill_heights(state, slot, (lat, lon), altitude, height)
     reference_s = np.where(anchored, time, centre_s)
     climb = np.where(np.isnan(rate), 0.0, rate) * (reference_s - centre_s)
     back = geodesy.invert_axes(geodesy.local_axes(frames, lat, lon, height))
@@ -138,6 +133,17 @@ def compare(
     )  # fmt: skip
     known = np.isfinite(height)
     return rows if known.all() else rows.take(known)
+
+
+def _fill_heights(state: EngineState, slot: Ints, place: tuple[Array, Array], altitude: Array, height: Array) -> Array:
+    """Put what altitudes ``(n,)`` stand for where no height is known, in place; gives the sigma of every height. [m]"""
+    height_sigma, unknown = np.full(len(slot), OWN_OFFSET_SIGMA_M), np.flatnonzero(np.isnan(height))
+    if len(unknown):
+        present, (lat, lon) = np.zeros(len(unknown), dtype=np.bool_), place
+        offset, sigma = state.offsets.applied(slot[unknown], present, lambda k: (lat[unknown[k]], lon[unknown[k]]))
+        height[unknown] = altitude[unknown] + offset
+        height_sigma[unknown] = np.hypot(OWN_OFFSET_SIGMA_M, sigma)
+    return height_sigma
 
 
 def learn_latencies(state: EngineState, slots: Ints, rows: Comparisons, registration: Registration) -> None:
