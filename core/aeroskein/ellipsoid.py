@@ -198,5 +198,5 @@ def height_scale_at(sin_lat: Array, height_m: Array) -> tuple[Array, Array]:
 
 
 def _cube(x: Array) -> Array:
-    """A power is twenty times as dear."""
+    """Of many rows in a fifth of the time of a power."""
     return x * x * x
