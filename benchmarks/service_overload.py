@@ -17,7 +17,7 @@ from benchmarks.goals import Row, judged
 from benchmarks.load_processes import Load, Seen, run_load
 
 BEGIN_S, LAST_S, AFTER_S = 20.0, 60.0, 25.0
-AIRCRAFT, OVERLOAD = 2_000, 75_000
+AIRCRAFT, OVERLOAD = 2_000, 110_000
 WELL_MS = 300.0
 LATENCY_MUST_S, LATENCY_AIM_S = 5.0, 2.0
 RECOVERY_MUST_S, RECOVERY_AIM_S = 10.0, 3.0
