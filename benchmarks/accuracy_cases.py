@@ -183,8 +183,8 @@ _CASES: Final = (
         Want(lag_s=10.0),
         _steps,
     ),
-    # What heights and altitudes differ by nobody can know without ADS-B: its own case. Errors hang together for as long
-    # as a radar turns a few times, so that of sixteen flights the share inside 95 % would scatter by one percent (sigma).
+    # What heights and altitudes differ by nobody can know without ADS-B: its own case. Errors hang together while
+    # a radar turns a few times: of sixteen flights the share inside 95 % would scatter by one percent (sigma).
     Case(
         Scene(name="radars", sensors=(RADAR1, RADAR2), height_offset_m=0.0, flights=96), Want(lag_s=12.0, zero_lag=True)
     ),
