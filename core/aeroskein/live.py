@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from aeroskein import kalman, manoeuvre, spikes
-from aeroskein.lanes import continues
+from aeroskein.lanes import continues, lengths_of_runs
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
@@ -117,7 +117,7 @@ class LiveProduct:
         if n == 0:
             return accepted
         first = np.flatnonzero(~continues(reports.slot))
-        count = np.diff(first, append=n)
+        count = lengths_of_runs(first, n)
         order = np.argsort(-count, kind="stable")
         first, count = first[order], count[order]
         columns = np.stack([getattr(reports, name) for name in USED])
@@ -125,8 +125,11 @@ class LiveProduct:
         # Even parts, for a small last one would cost as much as a large one.
         for part in np.array_split(np.arange(len(first)), math.ceil(len(first) / LANES)):
             self._rounds(first[part], count[part], reports.slot, columns, sensor, started, accepted)
-        np.add.at(self.sources, (reports.slot[accepted], sensor[accepted]), 1)
-        if not accepted.all():
+        place = reports.slot * self.sources.shape[1] + sensor
+        if accepted.all():
+            np.add.at(self.sources.reshape(-1), place, 1)
+        else:
+            np.add.at(self.sources.reshape(-1), place[accepted], 1)
             np.add.at(self.rejected, reports.slot[~accepted], 1)
         return accepted
 
