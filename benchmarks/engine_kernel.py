@@ -67,7 +67,7 @@ def configure(kernel: ctypes.CDLL, models: manoeuvre.ModelSet) -> None:
         coordinated_turn.TURN_SPEED_MIN_MPS, coordinated_turn.TURN_RATE_MAX_RADPS, estimator.ALONG_SHARE,
         estimator.ACROSS_SHARE, float(models.turns), coordinated_turn.SMALL_ANGLE_RAD,
         models.wander, coordinated_turn.LEAST_TURN_RAD, coordinated_turn.LEAST_UPDATE_RAD,
-        coordinated_turn.MOST_UPDATE_RAD, models.held, coordinated_turn.SMALL_TURN_RAD, models.negligible,
+        coordinated_turn.MOST_UPDATE_RAD, models.held, models.negligible,
     ])  # fmt: skip
     kernel.configure(*(_pointer(a) for a in (models.rates, models.jerk, rest)))
 
@@ -100,9 +100,9 @@ class Scene:
         self.engine = FusionEngine(settings(aircraft), epoch_ms=0)
         traffic, genuine = Traffic(aircraft), estimator.estimate
 
-        def noted(window: Any, q: Array, x: Array, P: Array, t: Array, memory: Any) -> Any:
+        def noted(window: Any, q: Array, x: Array, P: Array, t: Array, memory: Any, give_way: Any) -> Any:
             self.windows.append((window, q.copy(), x.copy(), P.copy(), t.copy(), memory.take(np.arange(len(t)))))
-            return genuine(window, q, x, P, t, memory)
+            return genuine(window, q, x, P, t, memory, give_way)
 
         for now_s, plots in traffic.ticks(WARM_S, 1.0):
             if now_s > START_S + WARM_S - 4.5:

@@ -104,7 +104,7 @@ static void reweigh(V *mu, Innovation *v, const double *ok) {
 
 /* Given by the caller, so that they stand in one place only. */
 static double RATES[3][3], JERK[3], STEADY, HELD, WANDER, NEGLIGIBLE, GATE, DOUBT, SIGMAS, NARROW, WIDE, HOVER, SLOWEST, TURN_MIN, RATE_MAX;
-static double SMALL, SMALL_TURN, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
+static double SMALL, ALONG_SHARE, ACROSS_SHARE, LEAST_TURN, LEAST_UPDATE, MOST_UPDATE;
 static int TURNS;
 
 void configure(const double *rates, const double *jerk, const double *rest) {
@@ -113,7 +113,7 @@ void configure(const double *rates, const double *jerk, const double *rest) {
     STEADY = rest[0]; GATE = rest[1]; SIGMAS = rest[2]; NARROW = rest[3]; WIDE = rest[4]; HOVER = rest[5];
     SLOWEST = rest[6]; TURN_MIN = rest[7]; RATE_MAX = rest[8]; ALONG_SHARE = rest[9]; ACROSS_SHARE = rest[10];
     TURNS = rest[11] > 0.0; SMALL = rest[12]; WANDER = rest[13]; LEAST_TURN = rest[14]; LEAST_UPDATE = rest[15];
-    MOST_UPDATE = rest[16]; HELD = rest[17]; SMALL_TURN = rest[18]; NEGLIGIBLE = rest[19];
+    MOST_UPDATE = rest[16]; HELD = rest[17]; NEGLIGIBLE = rest[18];
     DOUBT = SIGMAS * SIGMAS;
 }
 
@@ -202,11 +202,10 @@ static void circle(V *x, V *P, const double *h, double across) {
         double ve = x[2][l], vn = x[3][l], square = ve * ve + vn * vn, w = turn_rate(x, l);
         double free = (fabs(w) < RATE_MAX) / fmax(square, TURN_MIN * TURN_MIN), longer = square < TURN_MIN * TURN_MIN ? 0.0 : 2.0 * w;
         double gv[2] = {(x[5][l] - longer * ve) * free, (-x[4][l] - longer * vn) * free}, ga[2] = {-vn * free, ve * free};
-        double angle = w * h[l], c = cos(angle), s = sin(angle), t = sin(0.5 * angle), less = 2.0 * t * t;
-        int small = fabs(angle) < SMALL_TURN;
-        double same = small ? h[l] : s / w, left = small ? 0.5 * angle * h[l] : less / w;
-        double same_w = small ? -angle * h[l] * h[l] / 3.0 : (h[l] * c - same) / w;
-        double left_w = small ? 0.5 * h[l] * h[l] : (h[l] * s - left) / w;
+        double half = 0.5 * w * h[l], mc = cos(half), t = sin(half), c = mc * mc - t * t, s = 2.0 * mc * t;
+        double size = fmax(fabs(half), SMALL), u = sin(size) / size, by = half * (cos(size) - u) / (2.0 * size * size);
+        double same = h[l] * u * mc, left = h[l] * u * t;
+        double same_w = h[l] * h[l] * (by * mc - 0.5 * u * t), left_w = h[l] * h[l] * (by * t + 0.5 * u * mc);
         double p11[2][2], p12[2][2], p22[2][2], wp[2], wv[2], wa[2], ww = 0.0;
         for (int i = 0; i < 2; i++) {
             wp[i] = P12(i, 0)[l] * gv[0] + P12(i, 1)[l] * gv[1] + P13(i, 0)[l] * ga[0] + P13(i, 1)[l] * ga[1];
@@ -245,7 +244,6 @@ static void circle(V *x, V *P, const double *h, double across) {
         }
         for (int j = 0; j < 2; j++) { P33(0, j)[l] = -w * p23[1][j] + J[0] * wr[j]; P33(1, j)[l] = w * p23[0][j] + J[1] * wr[j]; }
         P33(1, 0)[l] = P33(0, 1)[l];
-        double mc = cos(0.5 * angle);
         ce[l] = mc * x[2][l] + t * x[3][l]; cn[l] = -t * x[2][l] + mc * x[3][l];
         power[l] = across * h[l];
     }
