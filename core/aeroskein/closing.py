@@ -18,6 +18,7 @@ from aeroskein.closed import Closed, Estimate
 from aeroskein.elements import element_boundaries
 from aeroskein.estimator import estimate, go_on
 from aeroskein.gating import GateMemory
+from aeroskein.measurements import COLUMNS
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.rings import Rings
@@ -37,6 +38,8 @@ AFTER_REPORTS: Final = 4
 AFTER_MOST_S: Final = 16.0
 # Sources faster than this allow the set element length; without any, elements are twice as long. [s]
 FAST_PERIOD_S: Final = 4.0
+# Columns of a report that the detector uses, in its order.
+MEASURED: Final = slice(COLUMNS.index("east_m"), COLUMNS.index("time_variance") + 1)
 
 
 class ElementTable:
@@ -166,11 +169,7 @@ class ElementTable:
             return fresh
         work = self.detector.take(slots[lanes])
         active = [int(m) for m in (count[lanes][:, None] > np.arange(rounds)).sum(axis=0)]
-        sensor = window.sensor_index
-        names = (
-            "east_m", "north_m", "r_ee", "r_en", "r_nn",
-            "v_east_mps", "v_north_mps", "velocity_variance", "time_variance",
-        )  # fmt: skip
+        sensor, measured = window.sensor_index, window.columns[MEASURED]
         # Where the k-th fresh report of each lane stands; lanes with the most come first.
         places = np.argsort(np.where(fresh, 0, 1), axis=0, kind="stable")
         for k in range(rounds):
@@ -179,8 +178,7 @@ class ElementTable:
             lane = lanes[:m]
             event = places[k, lane]
             lag = work.predict(window.time_s[event, lane])
-            columns = tuple(getattr(window, name)[event, lane] for name in names)
-            work.update(columns, sensor[event, lane], lag, np.ones(m, dtype=np.bool_))
+            work.update(measured[:, event, lane], sensor[event, lane], lag, np.ones(m, dtype=np.bool_))
             density[event, lane] = manoeuvre.jerk_density(work.mu[:, :m])
         self.detector.put(slots[lanes], work)
         return fresh

@@ -24,6 +24,7 @@ from aeroskein.beginnings import first_believable
 from aeroskein.engine_state import EngineState, StageClock
 from aeroskein.estimator import go_on
 from aeroskein.events import Event, RegistrationState
+from aeroskein.lanes import even_parts
 from aeroskein.live import first_state
 from aeroskein.measurements import COLUMNS, Measurements
 from aeroskein.plots import Array, Ints, Plots
@@ -268,8 +269,8 @@ class FusionEngine:
 
     def _close_all(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:
         events: list[Event] = []
-        for part in np.array_split(slots, math.ceil(len(slots) / LANES)):
-            events += self._close(part, pause)
+        for part in even_parts(len(slots), LANES):
+            events += self._close(slots[part], pause)
         return events
 
     def _close(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:

@@ -17,6 +17,7 @@ __all__ = [
     "Lanes",
     "by_flight_and_time",
     "continues",
+    "even_parts",
     "flight_quantile",
     "held_rows",
     "lengths_of_runs",
@@ -68,6 +69,12 @@ def lengths_of_runs(first: Ints, n: int) -> Ints:
     np.subtract(first[1:], first[:-1], out=lengths[:-1])
     lengths[-1:] = n - first[-1:]
     return lengths
+
+
+def even_parts(n: int, most: int) -> list[slice]:
+    """``n`` rows in as few parts of at most ``most`` as there must be, of equal size or one more."""
+    parts = -(-n // most)
+    return [slice(n * k // parts, n * (k + 1) // parts) for k in range(parts)]
 
 
 def by_flight_and_time(flight: Ints, time_s: Array) -> Ints:

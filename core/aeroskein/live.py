@@ -7,13 +7,12 @@ older one is left to the elements, which treat it exactly.
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
 
 from aeroskein import kalman, manoeuvre, spikes
-from aeroskein.lanes import continues, lengths_of_runs
+from aeroskein.lanes import continues, even_parts, lengths_of_runs
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
 from aeroskein.plots import Array, Bools, Ints
@@ -120,10 +119,12 @@ class LiveProduct:
         count = lengths_of_runs(first, n)
         order = np.argsort(-count, kind="stable")
         first, count = first[order], count[order]
-        columns = np.stack([getattr(reports, name) for name in USED])
+        columns = np.empty((len(USED), n))
+        for row, name in enumerate(USED):
+            columns[row] = getattr(reports, name)
         sensor = reports.sensor.astype(np.int64)
         # Even parts, for a small last one would cost as much as a large one.
-        for part in np.array_split(np.arange(len(first)), math.ceil(len(first) / LANES)):
+        for part in even_parts(len(first), LANES):
             self._rounds(first[part], count[part], reports.slot, columns, sensor, started, accepted)
         place = reports.slot * self.sources.shape[1] + sensor
         if accepted.all():
@@ -141,10 +142,11 @@ class LiveProduct:
         work = self.bank.take(slots)
         for k in range(int(count[0])):
             rows = first[: int((count > k).sum())] + k
-            time_s, *measured, altitude_m, height_m, rate_mps = columns[:, rows]
+            of_round = columns[:, rows]
+            time_s, measured, (altitude_m, height_m, rate_mps) = of_round[0], of_round[1:10], of_round[10:]
             lag = work.predict(time_s)
             usable = (lag <= LATEST_LAG_S) & ~started[rows]
-            ok = work.update(tuple(measured), sensor[rows], lag, usable)
+            ok = work.update(measured, sensor[rows], lag, usable)
             accepted[rows] = ok | ~usable
             self.vertical.update(
                 slots[: len(rows)], time_s, altitude_m, height_m, rate_mps, self._altitude_sigma_m[sensor[rows]]

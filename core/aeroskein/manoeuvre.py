@@ -9,6 +9,7 @@ depends on the mixed mean; the tests check it against the textbook form.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -198,8 +199,8 @@ def step(
     P: Array,
     mu: Array,
     *,
-    z: Array,
-    base: Array,
+    z: Sequence[Array] | Array,
+    base: Sequence[Array] | Array,
     time_variance: Array,
     velocity_variance: Array,
     lag: Array | None,
@@ -213,9 +214,9 @@ def step(
     ----------
     x, P, mu : (6, 3, n), (24, 3, n), (3, n) arrays
         Predicted models.
-    z : (4, n) array
+    z : four (n,) arrays
         Position and velocity measured; velocity ignored where its variance is not finite. [m, m/s]
-    base : (3, n) array
+    base : three (n,) arrays
         Position covariance ee, en, nn without the part from the time stamp. [m²]
     time_variance : (n,) array
         Variance of the time stamp, turned along the flight by each model's velocity. [s²]
@@ -241,8 +242,9 @@ def step(
     if has_velocity.any():
         rv = np.where(has_velocity, velocity_variance, 1.0)
         r00, r01, r11 = kalman.stamp_noise((rv, 0.0, rv), time_variance, x[4:6], P[20:24])
-        z = np.where(has_velocity, z, 0.0)  # a NaN times a gain of zero would still be a NaN
-        iv = innovation(x, P, 2, z[2], z[3], r00, r01, r11, lag)
+        # A NaN times a gain of zero would still be a NaN.
+        east, north = np.where(has_velocity, z[2], 0.0), np.where(has_velocity, z[3], 0.0)
+        iv = innovation(x, P, 2, east, north, r00, r01, r11, lag)
         has_velocity &= np.minimum.reduce(iv.d2, axis=0) <= gate
         mu = _reweigh(mu, kalman.apply(x, P, iv, has_velocity))
     if before is not None:

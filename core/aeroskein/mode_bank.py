@@ -51,7 +51,7 @@ class ModeWork:
 
     def update(
         self,
-        columns: tuple[Array, ...],
+        columns: Array | tuple[Array, ...],
         sensor: Ints,
         lag: Array,
         usable: Bools,
@@ -60,7 +60,7 @@ class ModeWork:
 
         Parameters
         ----------
-        columns : tuple of (m,) arrays
+        columns : (9, m) array, or nine of (m,)
             east, north, r_ee, r_en, r_nn, v_east, v_north, velocity variance, time variance, as in ``Measurements``.
         sensor : (m,) int64
             Sensor of each report.
@@ -78,23 +78,22 @@ class ModeWork:
         m = len(east)
         x, P, mu = self.x[:, :, :m], self.P[:, :, :m], self.mu[:, :m]
         late = lag if (lag > 0.0).any() else None
-        trace = r_ee + r_nn
         pending = self.memory.pending
         gate: Array | float = GATE
         if pending:
+            trace = r_ee + r_nn
             opened = usable & self.memory.opens(np.arange(m), sensor, trace)
             opened = self._widen(opened, x, P, (east, north, r_ee, r_en, r_nn, tv), late)
             gate = np.where(opened, np.inf, GATE)
         mu[...], ok, _, _ = manoeuvre.step(
             x, P, mu,
-            z=np.stack([east, north, ve, vn]),
-            base=np.stack([r_ee, r_en, r_nn]),
+            z=(east, north, ve, vn), base=(r_ee, r_en, r_nn),
             time_variance=tv, velocity_variance=rv, lag=late, usable=usable, gate=gate,
             turns=self._models.turns,
         )  # fmt: skip
         if pending or not ok[usable].all():
             noted = np.flatnonzero(usable)
-            self.memory.note(noted, sensor[noted], trace[noted], ok[noted])
+            self.memory.note(noted, sensor[noted], (r_ee + r_nn)[noted], ok[noted])
         return ok
 
     def _widen(self, opened: Bools, x: Array, P: Array, columns: tuple[Array, ...], lag: Array | None) -> Bools:
@@ -156,7 +155,8 @@ class ModeBank:
     def put(self, slots: Ints, work: ModeWork) -> None:
         """Keep the models of some tracks."""
         n = len(slots)
-        turned = np.concatenate([work.x.reshape(_X, n), work.P.reshape(_P, n), work.mu])
+        turned = np.empty((ROW, n))
+        turned[:_X], turned[_X : _X + _P], turned[_X + _P :] = work.x.reshape(_X, n), work.P.reshape(_P, n), work.mu
         self.rows[slots] = turned.T
         self.time_s[slots] = work.time_s
         self.memory.put(slots, work.memory)
