@@ -163,6 +163,7 @@ class FusionEngine:
             self._registration.advance(now_s=now_s)
             self._receiver.believing.moved(recentre(state))
             self._receiver.check(now_s)
+            pause()
             silence.excuse(state, now_s)
             state.elements.wait_s = state.lateness.follow()
         return events
