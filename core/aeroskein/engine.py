@@ -269,10 +269,8 @@ class FusionEngine:
             events += self._close_all(slots, pause)
 
     def _close_all(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:
-        events: list[Event] = []
-        for part in even_parts(len(slots), LANES):
-            events += self._close(slots[part], pause)
-        return events
+        passes = [self._close(slots[part], pause) for part in even_parts(len(slots), LANES)]
+        return [event for events in passes for event in events]
 
     def _close(self, slots: Ints, pause: Callable[[], None]) -> list[Event]:
         """Close one element of each track and publish it."""
