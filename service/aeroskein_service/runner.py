@@ -39,7 +39,7 @@ __all__ = ["Runner"]
 # at a time, more where the worker is busy. Between two of these input is taken; a handful waits a little longer.
 TICK_S: Final = 0.25
 ELEMENTS, ELEMENTS_WHEN_BUSY = 1024, 2048
-FEW_WAIT_S: Final = 0.9
+FEW_WAIT_S: Final = 0.5
 STATUS_S: Final = 1.0
 REGISTRATION_S: Final = 5.0  # every radar's state goes out at least every ten seconds, so twice as often
 SNAPSHOT_S: Final = 10.0
