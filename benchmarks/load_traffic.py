@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.geodesy import frame_rows
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Bools, Ints
 from aeroskein.radar_geometry import geodetic_to_radar
 from aeroskein.settings import SensorSettings
 
@@ -27,6 +27,8 @@ BATCH: Final = 50
 SPREAD_M: Final = 300_000.0
 M_PER_DEG: Final = 111_320.0
 RANGE_SIGMA_M, AZIMUTH_SIGMA_DEG, POSITION_SIGMA_M = 50.0, 0.07, 5.0
+# Elevation above which radars see nothing. [rad]
+CONE_RAD: Final = np.radians(60.0)
 
 _pack: Final = msgspec.msgpack.Encoder().encode
 
@@ -131,7 +133,8 @@ class SensorTraffic:
         there = when >= self._fleet.appears_s[rows]
         rows, when = rows[there], when[there]
         if len(rows):
-            records = self._measured(rows, when)
+            records, seen = self._measured(rows, when)
+            records, rows, when = records[seen], rows[seen], when[seen]
             for start in range(0, len(rows), BATCH):
                 part = slice(start, start + BATCH)
                 yield Batch(self._payload(records[part]), rows[part], self._began_s + when[part])
@@ -151,12 +154,14 @@ class SensorTraffic:
             records["height_m"], records["ground_speed_mps"] = fleet.height_m, fleet.speed_mps
             records["track_angle_deg"] = fleet.angle_deg
 
-    def _measured(self, rows: Ints, when: Array) -> NDArray[Any]:
+    def _measured(self, rows: Ints, when: Array) -> tuple[NDArray[Any], Bools]:
+        """The reports, and which of them there are: right above itself a radar sees nothing."""
         # By rows of bytes: numpy would not copy what lies between the fields.
         fleet, records = self._fleet, self._raw[rows].view(self._record)[:, 0]
         lat, lon = fleet.at(rows, when)
         noise = fleet.rng.standard_normal((2, len(rows)))
         records["time_s"] = self._began_s + when
+        seen = np.ones(len(rows), dtype=np.bool_)
         if self._sensor == "adsb":
             records["lat_deg"] = lat + noise[0] * POSITION_SIGMA_M / M_PER_DEG
             records["lon_deg"] = lon + noise[1] * POSITION_SIGMA_M / (M_PER_DEG * np.cos(np.radians(lat)))
@@ -165,7 +170,8 @@ class SensorTraffic:
             slant, azimuth, _ = geodetic_to_radar(site, lat, lon, fleet.height_m[rows])
             records["range_m"] = slant + noise[0] * RANGE_SIGMA_M
             records["azimuth_deg"] = (azimuth + noise[1] * AZIMUTH_SIGMA_DEG) % 360.0
-        return records
+            seen = fleet.height_m[rows] < np.sin(CONE_RAD) * slant
+        return records, seen
 
     def _payload(self, records: NDArray[Any]) -> bytes:
         head = {
