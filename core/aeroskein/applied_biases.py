@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -51,7 +52,7 @@ class AppliedBiases:
         range_m[rows] = np.maximum((range_m[rows] - bias[0]) / (1.0 + bias[3]), 0.0)
         azimuth_deg[rows] = wrap_azimuth_deg(azimuth_deg[rows] - bias[1])
         time_s[rows] -= bias[2]
-        return raw.having(range_m=range_m, azimuth_deg=azimuth_deg, time_s=time_s)
+        return replace(raw, range_m=range_m, azimuth_deg=azimuth_deg, time_s=time_s)
 
     def sigmas(self, sensor: NDArray[np.int16], before: Bools) -> Array:
         """One sigma of what is left in range, azimuth, time and gain, ``(n, 4)``. [m, deg, s, 1]"""

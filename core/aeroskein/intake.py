@@ -6,7 +6,7 @@ through the stages. The first stage is here too: what needs no track (values, ti
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -78,7 +78,7 @@ class Batch:
         """The given reports (an index array or a boolean mask), in that order."""
         raw = self.raw.take(which)
         # What registration corrects are three columns; the others are shared.
-        plots = raw if self.plots is self.raw else raw.having(**{c: getattr(self.plots, c)[which] for c in CORRECTED})
+        plots = raw if self.plots is self.raw else replace(raw, **{c: getattr(self.plots, c)[which] for c in CORRECTED})
         return Batch(self.rows[which], raw, plots, self.located.take(which), self.slot[which])
 
     def without(self, refused: Bools, reason: Reason, verdicts: Verdicts) -> Batch:

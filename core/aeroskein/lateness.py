@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools
+from aeroskein.plots import Array, Bools, apply_at
 from aeroskein.settings import EngineSettings
 
 __all__ = ["Lateness"]
@@ -46,10 +46,9 @@ class Lateness:
         if np.isinf(self._began_s):
             self._began_s = float(received_s.min(initial=np.inf))
         live = (time_s >= self._began_s).nonzero()[0]
-        steps = self._counts.shape[1]
         delay = np.maximum(received_s[live] - time_s[live], 0.0) / STEP_S
-        step = np.minimum(delay, steps - 1.0).astype(np.int64)
-        np.add.at(self._counts.reshape(-1), sensor[live] * steps + step, 1.0)
+        step = np.minimum(delay, self._counts.shape[1] - 1.0).astype(np.int64)
+        apply_at(np.add, self._counts, sensor[live], step, 1.0)
 
     def follow(self) -> float:
         """Called once a second: what to wait from now on. [s]"""

@@ -15,7 +15,7 @@ from aeroskein import kalman, manoeuvre, spikes
 from aeroskein.lanes import continues, even_parts, lengths_of_runs
 from aeroskein.measurements import Measurements
 from aeroskein.mode_bank import ModeBank
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, apply_at
 from aeroskein.vertical import VerticalFilter
 
 __all__ = ["LiveProduct", "first_state"]
@@ -126,11 +126,8 @@ class LiveProduct:
         # Even parts, for a small last one would cost as much as a large one.
         for part in even_parts(len(first), LANES):
             self._rounds(first[part], count[part], reports.slot, columns, sensor, started, accepted)
-        place = reports.slot * self.sources.shape[1] + sensor
-        if accepted.all():
-            np.add.at(self.sources.reshape(-1), place, 1)
-        else:
-            np.add.at(self.sources.reshape(-1), place[accepted], 1)
+        apply_at(np.add, self.sources, reports.slot[accepted], sensor[accepted], 1)
+        if not accepted.all():
             np.add.at(self.rejected, reports.slot[~accepted], 1)
         return accepted
 

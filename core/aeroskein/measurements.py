@@ -6,13 +6,13 @@ time stamp is kept apart as a variance in time, because only the filter knows th
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints
+from aeroskein.plots import Array, Ints, taken
 
 __all__ = ["COLUMNS", "COLUMN_COUNT", "Measurements"]
 
@@ -95,7 +95,7 @@ class Measurements:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(*[getattr(self, name)[rows] for name in _NAMES])
+        return taken(self, rows)
 
     def packed(self) -> Array:
         """Rows ``(n, COLUMN_COUNT)`` in the order of ``COLUMNS``, with no density of jerk yet."""
@@ -108,6 +108,3 @@ class Measurements:
     def trace_m2(self) -> Array:
         """Trace of the position covariance without the time part: how accurate the source is. [m²]"""
         return self.r_ee + self.r_nn
-
-
-_NAMES: Final = tuple(field.name for field in fields(Measurements))

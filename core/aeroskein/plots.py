@@ -8,13 +8,26 @@ A missing number is NaN, a missing integer -1, a missing string empty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
+from functools import cache
 from typing import Any, Final, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ON_GROUND", "SIMULATED", "SPI", "Array", "Bools", "Ints", "Plots", "columns_of", "joined"]
+__all__ = [
+    "ON_GROUND",
+    "SIMULATED",
+    "SPI",
+    "Array",
+    "Bools",
+    "Ints",
+    "Plots",
+    "apply_at",
+    "columns_of",
+    "joined",
+    "taken",
+]
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,13 +50,29 @@ def columns_of(*columns: Array) -> Array:
 _Columns = TypeVar("_Columns")
 
 
+def apply_at(ufunc: np.ufunc, table: NDArray[Any], rows: NDArray[Any], columns: NDArray[Any], values: Any) -> None:
+    """``ufunc.at(table, (rows, columns), values)`` in a sixth of the time: at one index. Contiguous tables."""
+    ufunc.at(table.reshape(-1), np.multiply(rows, table.shape[1], dtype=np.int64) + columns, values)
+
+
+@cache
+def _names_of(kind: type[Any]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind))
+
+
+def taken(columns: _Columns, rows: NDArray[Any]) -> _Columns:
+    """The given rows (an index array or a boolean mask) of a dataclass of columns, in that order."""
+    kind: Any = type(columns)
+    some: _Columns = kind(*[getattr(columns, name)[rows] for name in _names_of(kind)])
+    return some
+
+
 def joined(parts: Sequence[_Columns]) -> _Columns:
     """Rows of several dataclasses of columns, in order, as one; at least one part is needed."""
     if len(parts) == 1:
         return parts[0]
-    first: Any = parts[0]
-    columns = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(first)}
-    whole: _Columns = replace(first, **columns)
+    kind: Any = type(parts[0])
+    whole: _Columns = kind(*[np.concatenate([getattr(part, name) for part in parts]) for name in _names_of(kind)])
     return whole
 
 
@@ -152,11 +181,7 @@ class Plots:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(*[getattr(self, name)[rows] for name in _NAMES])
-
-    def having(self, **columns: NDArray[Any]) -> Self:
-        """The same rows with some columns in place of theirs, unchecked."""
-        return type(self)(*[columns[name] if name in columns else getattr(self, name) for name in _NAMES])
+        return taken(self, rows)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
@@ -164,6 +189,3 @@ class Plots:
         if not parts:
             return cls.of(0)
         return joined(parts)
-
-
-_NAMES: Final = tuple(field.name for field in fields(Plots))

@@ -5,6 +5,8 @@ intake -> calibration -> place -> identity -> repeats -> buffers -> live filter 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from aeroskein import ageing, conversion, dispositions
@@ -125,7 +127,7 @@ class Receiver:
     def _without_latency(self, plots: Plots, slot: Ints, before: Bools) -> Plots:
         """Take out of the stamps of ADS-B what is known of each aircraft's latency."""
         late_s = np.where(self._is_adsb[plots.sensor], self._state.latencies.applied_s(slot, before), 0.0)
-        return plots.having(time_s=plots.time_s - late_s) if late_s.any() else plots
+        return replace(plots, time_s=plots.time_s - late_s) if late_s.any() else plots
 
     def _measured(self, batch: Batch) -> Measurements:
         state, raw = self._state, batch.raw

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.lanes import continues, lengths_of_runs
-from aeroskein.plots import Array, Bools, Ints, Plots
+from aeroskein.plots import Array, Bools, Ints, Plots, apply_at
 from aeroskein.points import Status
 from aeroskein.settings import EngineSettings
 
@@ -179,8 +179,7 @@ class TrackTable:
         self.reports[own] += lengths_of_runs(first, len(slots))
         self.received_s[own] = np.maximum(self.received_s[own], np.maximum.reduceat(raw.received_s, first))
         self.newest_s[own] = np.maximum(self.newest_s[own], np.maximum.reduceat(time_s, first))
-        cell = slots * self.sensor_received_s.shape[1] + raw.sensor
-        np.maximum.at(self.sensor_received_s.reshape(-1), cell, raw.received_s)
+        apply_at(np.maximum, self.sensor_received_s, slots, raw.sensor, raw.received_s)
         said = (raw.mode_a >= 0).nonzero()[0]
         at, code = slots[said], raw.mode_a[said]
         heard = np.where(self.mode_a[at] == code, np.minimum(self.mode_a_heard[at], 254) + 1, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_rows_are_taken_and_joined_in_every_column() -> None:
 def test_columns_are_replaced_one_by_one() -> None:
     plots = Plots.of(2, time_s=[1.0, 2.0], range_m=5.0)
 
-    other = plots.having(time_s=np.array([3.0, 4.0]))
+    other = replace(plots, time_s=np.array([3.0, 4.0]))
 
     assert (other.time_s.tolist(), plots.time_s.tolist()) == ([3.0, 4.0], [1.0, 2.0])
     assert other.range_m is plots.range_m

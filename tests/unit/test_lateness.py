@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from tests.builders import ADSB, RADAR1, engine_settings
 
@@ -46,6 +48,16 @@ def test_the_wait_has_a_limit_and_can_be_kept_at_the_watermark() -> None:
 def test_a_slow_radar_s_delays_and_a_handful_of_reports_move_nothing() -> None:
     assert after(np.full(1000, 3.0), sensor=1) == 1.0
     assert after(np.full(20, 3.0)) == 1.0
+
+
+def test_the_last_of_many_sensors_is_counted_as_itself() -> None:
+    sensors = [replace(ADSB, id=f"adsb{k}") for k in range(500)]
+    lateness = Lateness(engine_settings(*sensors, watermark_max_s=10.0))
+    note(lateness, np.zeros(1), stamp_s=0.0)
+
+    note(lateness, np.full(100, 7.0), sensor=499)
+
+    assert lateness.follow() == 7.125
 
 
 def test_a_feed_that_recovers_is_no_longer_waited_for() -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools
+from aeroskein.plots import Array, Bools, taken
 
 __all__ = ["Filtered"]
 
@@ -39,7 +39,7 @@ class Filtered:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return taken(self, rows)
 
     @classmethod
     def empty(cls, n: int) -> Self:

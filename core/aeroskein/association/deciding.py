@@ -21,7 +21,7 @@ import numpy as np
 from aeroskein.association.assignment import assign
 from aeroskein.association.doubt import lead_of_chosen
 from aeroskein.association.scoring import Candidates, Score
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, apply_at
 
 __all__ = ["Claims", "Decision", "PairingMemory"]
 
@@ -89,7 +89,7 @@ class Claims:
 
     def note(self, sensor: Ints, slot: Ints, time_s: Array) -> None:
         """Reports that were given to tracks, ``(n,)`` each."""
-        np.maximum.at(self._last_s.reshape(-1), sensor * self._last_s.shape[1] + slot, time_s)
+        apply_at(np.maximum, self._last_s, sensor, slot, time_s)
 
     def taken(self, sensor: Ints, slot: Ints, time_s: Array) -> Bools:
         """Whether the track already has a report of this sensor in the scan of ``time_s``, ``(n,)``."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.ahp import pairwise_weights, renormalise
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, taken
 from aeroskein.settings import AssociationSettings
 from aeroskein.units import wrap_angle_deg
 
@@ -96,7 +96,7 @@ class Candidates:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return taken(self, rows)
 
     def factors(self) -> tuple[Array, Array]:
         """Differences and sigmas of speed, course, altitude and heading, ``(p, 4)`` each."""

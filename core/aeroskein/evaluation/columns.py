@@ -15,7 +15,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Bools, Ints, joined
+from aeroskein.plots import Array, Bools, Ints, joined, taken
 from aeroskein.points import FusedPoints, Product, Status
 
 __all__ = ["PointColumns", "Truth"]
@@ -131,7 +131,7 @@ class PointColumns:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return taken(self, rows)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:

@@ -7,7 +7,7 @@ true track for the reader, and east-north at the point itself for the covariance
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, Self
 
 import numpy as np
@@ -24,7 +24,7 @@ from aeroskein.evaluation.geometry import (
     velocity_ecef,
 )
 from aeroskein.evaluation.truth_curve import CLIMB_RATE_MPS, TURN_RATE_DEGPS, TruthCurve, TruthStates
-from aeroskein.plots import Array, Bools, Ints
+from aeroskein.plots import Array, Bools, Ints, taken
 
 __all__ = ["MIN_ANGLE_SPEED_MPS", "Residuals", "along_across", "nees", "residuals_of"]
 
@@ -97,7 +97,7 @@ class Residuals:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return taken(self, rows)
 
 
 def residuals_of(points: PointColumns, flight: Ints, curve: TruthCurve) -> Residuals:
@@ -120,7 +120,7 @@ def residuals_of(points: PointColumns, flight: Ints, curve: TruthCurve) -> Resid
     valid = truth.valid & np.isfinite(points.lat_deg) & np.isfinite(points.lon_deg)
     rows = np.flatnonzero(valid)
     rows = rows[np.lexsort((points.time_s[rows], points.track_number[rows], flight[rows]))]
-    kept, truth = points.take(rows), _take(truth, rows)
+    kept, truth = points.take(rows), taken(truth, rows)
 
     east, north = east_north_axes(truth.up)
     own_east, own_north = east_north_axes_at(kept.lat_deg, kept.lon_deg)
@@ -212,7 +212,3 @@ def _angle_error_deg(fused_mps: Array, true_mps: Array) -> Array:
     dot = np.sum(fused_mps * true_mps, axis=1)
     fast = np.hypot(true_mps[:, 0], true_mps[:, 1]) >= MIN_ANGLE_SPEED_MPS
     return np.where(fast, np.degrees(np.arctan2(cross, dot)), np.nan)
-
-
-def _take(states: TruthStates, rows: Ints) -> TruthStates:
-    return TruthStates(**{f.name: getattr(states, f.name)[rows] for f in fields(TruthStates)})

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeroskein.ellipsoid import ecef_axes, to_ecef
-from aeroskein.plots import Array, Bools, Ints, columns_of, joined
+from aeroskein.plots import Array, Bools, Ints, columns_of, joined, taken
 from aeroskein.units import wrap_angle_deg
 
 __all__ = ["RAD_PER_DEG", "Comparisons", "Geometry", "geometry_of"]
@@ -96,15 +96,12 @@ class Comparisons:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(*[getattr(self, name)[rows] for name in _OF_COMPARISONS])
+        return taken(self, rows)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
         return joined(parts)
-
-
-_OF_COMPARISONS: Final = tuple(field.name for field in fields(Comparisons))
 
 
 @dataclass(slots=True, eq=False)
@@ -144,10 +141,7 @@ class Geometry:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(*[getattr(self, name)[rows] for name in _OF_GEOMETRY])
-
-
-_OF_GEOMETRY: Final = tuple(field.name for field in fields(Geometry))
+        return taken(self, rows)
 
 
 def geometry_of(rows: Comparisons, sites: Array) -> Geometry:

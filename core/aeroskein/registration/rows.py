@@ -14,13 +14,13 @@ anchor the same aircraft seen by two radars gives the difference of two such lin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints, columns_of, joined
+from aeroskein.plots import Array, Ints, columns_of, joined, taken
 from aeroskein.registration.comparisons import RAD_PER_DEG, Comparisons, Geometry
 from aeroskein.settings import EngineSettings
 
@@ -112,15 +112,12 @@ class Rows:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(*[getattr(self, name)[rows] for name in _OF_ROWS])
+        return taken(self, rows)
 
     @classmethod
     def concatenate(cls, parts: list[Self]) -> Self:
         """One set of rows from several, in order; at least one part is needed."""
         return joined(parts)
-
-
-_OF_ROWS: Final = tuple(field.name for field in fields(Rows))
 
 
 def usable(rows: Comparisons, geometry: Geometry) -> NDArray[np.bool_]:

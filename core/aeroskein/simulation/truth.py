@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeroskein.plots import Array, Ints, joined
+from aeroskein.plots import Array, Ints, joined, taken
 
 __all__ = ["Identity", "Motion", "Phase", "States", "TruthStates"]
 
@@ -152,7 +152,7 @@ class TruthStates:
 
     def take(self, rows: NDArray[Any]) -> Self:
         """The given rows (an index array or a boolean mask), in that order."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        return taken(self, rows)
 
     @classmethod
     def concatenate(cls, parts: Sequence[Self]) -> Self:
