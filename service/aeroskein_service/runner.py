@@ -36,7 +36,8 @@ from aeroskein_service.status import Counters, is_fresh, sensor_alarms
 __all__ = ["Runner"]
 
 # Elements of many aircraft close together, which costs a fraction of closing them one by one: once in so long, so many
-# at a time, more where the worker is busy. Between two of these input is taken; a handful waits a little longer.
+# at a time, more where the worker is busy. Input is taken between two of these and, where it has waited, in the midst
+# of one; a handful waits a little longer.
 TICK_S: Final = 0.25
 ELEMENTS, ELEMENTS_WHEN_BUSY = 1024, 2048
 FEW_WAIT_S: Final = 0.5
@@ -127,6 +128,11 @@ class Runner:
             is_fresh(sensor, status["sensors"][sensor.id]["last_report_s"], now_s) for sensor in self._sensors
         )
 
+    @property
+    def _elements(self) -> int:
+        """How many element points have been published."""
+        return self._counters.points[Product.ELEMENT]
+
     # -- the thread ----------------------------------------------------------------------------------------------
     def _run(self) -> None:
         try:
@@ -208,11 +214,11 @@ class Runner:
         most = ELEMENTS_WHEN_BUSY if self._pace.busy else ELEMENTS
         more = True
         while more and monotonic() - began_s < TICK_S and self._pace.may_close(self._waited_s()):
-            start_s, before, self._given_s = monotonic(), self._counters.points[Product.ELEMENT], 0.0
+            start_s, before, self._given_s = monotonic(), self._elements, 0.0
             self._publish(
                 self._engine.advance(now_s=self._clock(), most=most, few_wait_s=FEW_WAIT_S, give_way=self._give_way)
             )
-            closed = self._counters.points[Product.ELEMENT] - before
+            closed = self._elements - before
             spent_s = monotonic() - start_s - self._given_s
             self._stages.add("advance", int(1e9 * spent_s), closed)
             self._pace.closed(spent_s)
@@ -226,9 +232,11 @@ class Runner:
         began_s = monotonic()
         self._publish(events)
         events.clear()
-        self._receive(self._inbox.take(TURN_BYTES), self._clock())
-        self._given_s += monotonic() - began_s
-        self._pace.took_in(monotonic() - began_s, self._clock() - self._deadline_s)
+        now_s = self._clock()
+        self._receive(self._inbox.take(TURN_BYTES), now_s)
+        spent_s = monotonic() - began_s
+        self._given_s += spent_s
+        self._pace.took_in(spent_s, now_s - self._deadline_s)
 
     def _drain(self) -> None:
         ends_s = monotonic() + DRAIN_S
@@ -244,12 +252,11 @@ class Runner:
     def _finish(self) -> None:
         """Close what is open, as far as time allows: an end that takes longer is ended by force."""
         ends_s = monotonic() + FINISH_S
-        closed = 1
-        while closed and monotonic() < ends_s:
-            events = self._engine.finish(now_s=self._clock(), most=ELEMENTS)
-            closed = _elements(events)
-            self._publish(events)
-        if closed:
+        before = -1
+        while before != self._elements and monotonic() < ends_s:
+            before = self._elements
+            self._publish(self._engine.finish(now_s=self._clock(), most=ELEMENTS))
+        if before != self._elements:
             self._log.warning("elements_left_open", why=f"closing them all takes more than {FINISH_S:g} s")
 
     # -- in ------------------------------------------------------------------------------------------------------
@@ -360,8 +367,3 @@ class Runner:
             "publish_delay_s": self._delay_s,
             "alarms": alarms,
         }
-
-
-def _elements(events: Iterable[Event]) -> int:
-    """How many element points there are."""
-    return sum(len(e) for e in events if isinstance(e, FusedPoints) and e.product is Product.ELEMENT)
