@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from aeroskein.lanes import ranks
 from aeroskein.measurements import COLUMNS, Measurements
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.rings import Rings
@@ -121,13 +122,3 @@ class ReportBuffers:
         order = np.lexsort((rows[lane, place, TIME], slots[lane]))
         packed = rows[lane, place][order]
         return Measurements(slot=slots[lane][order], **{name: packed[:, i] for i, name in enumerate(COLUMNS[:-1])})
-
-
-def ranks(sorted_groups: Ints) -> Ints:
-    """0, 1, 2 … within each run of equal values of a sorted array ``(n,)``."""
-    n = len(sorted_groups)
-    starts = np.empty(n, dtype=np.bool_)
-    starts[:1] = True
-    np.not_equal(sorted_groups[1:], sorted_groups[:-1], out=starts[1:])
-    index = np.arange(n)
-    return index - np.maximum.accumulate(np.where(starts, index, 0))

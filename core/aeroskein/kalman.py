@@ -207,21 +207,17 @@ def _columns(P: Array, first: int) -> Array:
 
 def outer_sum(a: Array) -> Array:
     """The stored rows ``(24, ..., n)`` of the sum of a_k a_k' over k, ``a (k, 6, ..., n)``."""
-    lanes = a.shape[2:]
-    rows = np.empty((COVARIANCE_ROWS, *lanes))
+    rows = np.empty((COVARIANCE_ROWS, *a.shape[2:]))
     # Sums of products in one sweep over the lanes.
-    np.einsum("ki...,kj...->ij...", a[:, 0:2], a, out=rows[0:12].reshape(2, 6, *lanes))
-    np.einsum("ki...,kj...->ij...", a[:, 2:4], a[:, 2:6], out=rows[12:20].reshape(2, 4, *lanes))
-    np.einsum("ki...,kj...->ij...", a[:, 4:6], a[:, 4:6], out=rows[20:24].reshape(2, 2, *lanes))
+    for k, of_block in enumerate(block_rows(rows)):
+        np.einsum("ki...,kj...->ij...", a[:, 2 * k : 2 * k + 2], a[:, 2 * k :], out=of_block)
     return rows
 
 
 def outer(d: Array, out: Array) -> Array:
     """The stored rows of d d' of vectors ``(6, ..., n)``, written to ``out (24, ..., n)``."""
-    lanes = d.shape[1:]
-    np.multiply(d[0:2, None], d, out=out[0:12].reshape(2, 6, *lanes))
-    np.multiply(d[2:4, None], d[2:], out=out[12:20].reshape(2, 4, *lanes))
-    np.multiply(d[4:6, None], d[4:], out=out[20:24].reshape(2, 2, *lanes))
+    for k, of_block in enumerate(block_rows(out)):
+        np.multiply(d[2 * k : 2 * k + 2, None], d[2 * k :], out=of_block)
     return out
 
 

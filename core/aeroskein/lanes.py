@@ -22,6 +22,7 @@ __all__ = [
     "held_rows",
     "lengths_of_runs",
     "newest_of_each",
+    "ranks",
     "step_s",
 ]
 
@@ -45,7 +46,7 @@ class Lanes:
 
     def __init__(self, flight: Ints) -> None:
         first = np.flatnonzero(~continues(flight))
-        lengths = np.diff(first, append=len(flight))
+        lengths = lengths_of_runs(first, len(flight))
         self._starts = first[np.argsort(-lengths, kind="stable")]
         self.steps = int(lengths.max(initial=0))
         # How many flights are longer than k, for each k.
@@ -61,6 +62,12 @@ def continues(flight: Ints) -> Bools:
     same = np.zeros(len(flight), dtype=np.bool_)
     same[1:] = flight[1:] == flight[:-1]
     return same
+
+
+def ranks(flight: Ints) -> Ints:
+    """0, 1, 2 … within each run of equal values, shape ``(n,)``."""
+    row = np.arange(len(flight))
+    return row - np.maximum.accumulate(np.where(continues(flight), 0, row))
 
 
 def lengths_of_runs(first: Ints, n: int) -> Ints:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from aeroskein.lanes import ranks
 from aeroskein.measurements import COLUMNS
 from aeroskein.plots import Array, Bools, Ints
 from aeroskein.rings import Rings
@@ -103,7 +104,7 @@ def gather(rings: Rings, slots: Ints, from_s: Array, until_s: Array, centre_s: A
     # before it, for the sort is stable.
     width = int(count.max(initial=0)) + 2
     keys, places, kinds = np.full(n * width, NEVER_S), np.zeros(n * width, np.int64), np.zeros(n * width, np.int8)
-    to = lane * width + np.arange(len(at)) - np.repeat(np.cumsum(count) - count, count)
+    to = lane * width + ranks(lane)
     keys[to], places[to] = times.take(at), place
     kinds[to] = np.where(keys[to] > from_s[lane], REPORT, FOUNDING)
     one_mark = settled_s == centre_s

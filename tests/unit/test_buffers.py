@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.builders import ADSB, RADAR1, RADAR2, engine_settings, measurements
 
-from aeroskein.buffers import ReportBuffers, ranks, ring_depth
+from aeroskein.buffers import ReportBuffers, ring_depth
+from aeroskein.lanes import ranks
 from aeroskein.measurements import Measurements
 from aeroskein.settings import SensorSettings
 

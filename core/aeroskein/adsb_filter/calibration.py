@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from aeroskein.lanes import continues
+from aeroskein.lanes import continues, lengths_of_runs
 from aeroskein.measurements import Measurements
 from aeroskein.plots import Array, Bools, Ints
 
@@ -84,7 +84,7 @@ def _of_source(seen: Measurements) -> SourceErrors:
 def _windows(flight: Ints) -> Ints:
     """Rows of consecutive windows that lie within one flight each, ``(windows, WINDOW)``."""
     first = np.flatnonzero(~continues(flight))
-    lengths = np.diff(first, append=len(flight))
+    lengths = lengths_of_runs(first, len(flight))
     per_flight = lengths // WINDOW
     starts = np.repeat(first, per_flight)
     within = np.arange(len(starts)) - np.repeat(np.cumsum(per_flight) - per_flight, per_flight)

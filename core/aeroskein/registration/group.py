@@ -213,8 +213,7 @@ class RadarGroup:
             mean_m = np.where(radar[own] == k, rows.range_m[own, 0], rows.range_m[own, 1]).mean()
             self._mean_range_m[k] += min(share, 1.0) * (mean_m - self._mean_range_m[k])
             known, aircraft = self._seen[k], rows.aircraft[own]
-            # Two in a row of the sorted numbers say that an aircraft has been here before.
-            if (np.searchsorted(known, aircraft) == np.searchsorted(known, aircraft, side="right")).any():
+            if not np.isin(aircraft, known).all():
                 # Track numbers grow, so the lowest ones are those that will not come again.
                 seen = np.union1d(known, aircraft)
                 self.aircraft[k] += len(seen) - len(known)
